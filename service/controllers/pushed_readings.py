@@ -21,6 +21,7 @@ from contactsense.service.sensors.plausibility import (
     SensorEvent,
 )
 from contactsense.service.sensors.recent_trouble import WITHOUT_WRENCH
+from contactsense.service.sensors.velocity_check import VelocityCheck
 from contactsense.types import Sample
 
 HELD = 0.0105
@@ -48,6 +49,7 @@ class PushedReadings:
     def __init__(self, scene: Scene) -> None:
         self._recent = RecentCounts()
         self._robot = RobotCheck(np.array([joint.velocity_limit for joint in scene.robot.joints]))
+        self._velocities = VelocityCheck(len(scene.robot.joints))
         self._repeats = {name: RepeatCheck() for name in ("joint_torque", "base_wrench", *scene.link_sensors)}
         torque = scene.joint_torque
         # A torque without model is zero where nothing touches, and where there is no noise. So is the wrench
@@ -67,7 +69,7 @@ class PushedReadings:
         if self._robot.positions_stale(sample.t, sample.q, sample.qd):
             self._note("q", "stale")
             raise MessageError("q", "expected positions that change where qd says that the arm moves")
-        if self._robot.velocities_contradict(sample.t, sample.q, sample.qd):
+        if self._velocities.contradict(sample.t, sample.q, sample.qd):
             self._note("qd", "wrong")
             raise MessageError("qd", "expected the velocities with which q changes [rad/s]")
         q = tuple(sample.q.tolist())

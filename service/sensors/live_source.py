@@ -27,6 +27,7 @@ from contactsense.service.sensors.rtde_client import RtdeStream
 from contactsense.service.sensors.signal_mapping import TorqueMap, WrenchMap
 from contactsense.service.sensors.source_health import SourceHealth
 from contactsense.service.sensors.ur_rtde_client import UrRtdeStream
+from contactsense.service.sensors.velocity_check import VelocityCheck
 from contactsense.service.sensors.wrench_reader import WrenchReader, WrenchReading
 from contactsense.service.wire.recipe import Number
 from contactsense.service.wire.rtde_fields import OUTPUTS, WIDTHS
@@ -128,6 +129,7 @@ class LiveSource:
         self._torque_limit = _TORQUE_SCALE * np.array([joint.torque_limit for joint in scene.robot.joints])
         self._period = 1.0 / settings.frequency
         self._robot_check = RobotCheck(np.array([joint.velocity_limit for joint in scene.robot.joints]))
+        self._velocity_check = VelocityCheck(len(scene.robot.joints))
         self._seen = replace(self._robot.health)
         self._unusable = 0
         self._without_wrench = 0
@@ -280,7 +282,7 @@ class LiveSource:
 
     def _contradicts(self, t: float, q: np.ndarray, qd: np.ndarray) -> bool:
         """Whether the velocities are not those of the positions."""
-        wrong = self._robot_check.velocities_contradict(t, q, qd)
+        wrong = self._velocity_check.contradict(t, q, qd)
         if wrong:
             self._recent.add(time.monotonic(), "velocities wrong")
         return wrong

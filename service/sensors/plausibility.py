@@ -19,19 +19,6 @@ MOTION_LIMIT = 2e-4
 """Positions that repeat while the integrated velocities exceed this are stale [rad]."""
 REST_SPEED = 1e-3
 """No joint of an arm at rest is faster than this; its positions may repeat [rad/s]."""
-DRIFT_LIMIT = 0.03
-"""Velocities contradict the positions if their integral differs by more than this [rad]. In the recordings
-named above the difference is at most 0.0022 rad; velocities that are 30 ms late differ by this much when they
-change by 1 rad/s."""
-DRIFT_TIME = 0.25
-"""Time constant with which that difference is forgotten [s]."""
-DRIFT_HOLD = 0.3
-"""Velocities are believed again when the difference has been smaller for this time [s]: a slow joint hides a
-wrong velocity."""
-LARGEST_DRIFT = 10.0 * DRIFT_LIMIT
-"""A larger difference counts as this [rad]."""
-LONGEST_STEP = 0.1
-"""Velocities are not integrated over a longer time between two samples [s]."""
 SPEED_SCALE = 3.0
 """A velocity above this multiple of the joint's limit is invalid. Limits in robot descriptions are those of
 the drives; a packet with missing bytes can contain any number."""
@@ -75,9 +62,6 @@ class RobotCheck:
         self._last_q: tuple[float, ...] = ()
         self._last_t = 0.0
         self._moved = 0.0
-        self._before: tuple[float, np.ndarray, np.ndarray] | None = None
-        self._drift = np.zeros(len(speed_limits))
-        self._believed_from = -math.inf
         self._state = RepeatCheck()
         self._torque = RepeatCheck()
 
@@ -107,38 +91,6 @@ class RobotCheck:
         # A single wrong velocity must not accumulate while the arm is at rest afterwards.
         self._moved = self._moved + step * speed if speed > REST_SPEED else 0.0
         return self._moved > MOTION_LIMIT
-
-    def velocities_contradict(self, t: float, q: np.ndarray, qd: np.ndarray) -> bool:
-        """Whether the velocities are not those with which the positions change: they are frozen, zero, of the
-        wrong sign or unit, or the clock runs at another speed.
-
-        The observers then take what the arm's motion needs for a contact.
-
-        Args:
-            t: Time of the sample on the robot's clock [s].
-            q: Joint positions, shape (n,) [rad].
-            qd: Joint velocities, shape (n,) [rad/s].
-        """
-        before, self._before = self._before, (t, q, qd)
-        if before is None or not 0.0 < t - before[0] <= LONGEST_STEP:
-            self._drift[:] = 0.0
-            self._believed_from = -math.inf
-            return False
-        step = t - before[0]
-        change = q - before[1]
-        # A joint that turns on and on is counted from -pi again.
-        change -= 2.0 * np.pi * np.round(change / (2.0 * np.pi))
-        difference = change - 0.5 * step * (qd + before[2])
-        # Between two samples the velocity may have been anything between theirs: a hard stop while packets
-        # are lost is no contradiction.
-        unknown = 0.5 * step * np.abs(qd - before[2])
-        self._drift *= math.exp(-step / DRIFT_TIME)
-        self._drift += np.sign(difference) * np.maximum(np.abs(difference) - unknown, 0.0)
-        # So that it is soon forgotten, however large it was.
-        np.clip(self._drift, -LARGEST_DRIFT, LARGEST_DRIFT, out=self._drift)
-        if (np.abs(self._drift) > DRIFT_LIMIT).any():
-            self._believed_from = t + DRIFT_HOLD
-        return t < self._believed_from
 
     def torque_repeats(self, t: float, torque: tuple[float, ...]) -> float:
         """Time for which the raw torque values have repeated [s]."""

@@ -96,7 +96,7 @@ ROWS = [
     Row("stamp is frozen", "robot", "waiting", "repeat the time stamp"),
     Row("all but the stamp is frozen", "robot", "waiting", "its packets are stale"),
     Row("torque is frozen", "robot", "degraded", "joint torques never change"),
-    # Until the positions have changed enough, what the arm's motion needs looks like a contact.
+    # Until the arm has moved by 0.01 rad, what its motion needs looks like a contact.
     Row(
         "velocities are zero",
         "robot",

@@ -186,6 +186,20 @@ def _frozen(names: tuple[str, ...]) -> RobotFault:
     return fault
 
 
+def _no_velocities(link: Link, packet: bytes) -> list[bytes]:
+    """From the first packet on in which a joint moves with 0.2 rad/s: at the end of a movement nothing could
+    tell of the fault before the next."""
+
+    def change(values: Values, recipe: Recipe) -> None:
+        velocities = values[recipe.slices["actual_qd"]]
+        if link.first is None and max(map(abs, velocities)) > 0.2:
+            link.first = list(values)
+        if link.first is not None:
+            values[recipe.slices["actual_qd"]] = [0.0] * len(velocities)
+
+    return [link.edit(packet, change)]
+
+
 def _swapped(link: Link, packet: bytes) -> list[bytes]:
     if link.held:
         held, link.held = link.held, b""
@@ -249,7 +263,7 @@ ROBOT_FAULTS: dict[str, RobotFault] = {
     "stamp is frozen": _frozen(("timestamp",)),
     "all but the stamp is frozen": _frozen(("actual_q", "actual_qd", TORQUE)),
     "torque is frozen": _frozen((TORQUE,)),
-    "velocities are zero": _set("actual_qd", 0.0),
+    "velocities are zero": _no_velocities,
     "pairs are swapped": _swapped,
     "10 % are missing": _missing,
     "doubled": _doubled,

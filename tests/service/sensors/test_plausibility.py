@@ -2,7 +2,6 @@
 
 import math
 import time
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -15,7 +14,6 @@ from contactsense.service.sensors.plausibility import (
     SensorEvent,
 )
 from contactsense.service.sensors.recent_trouble import RecentTrouble
-from tests.shared import shared
 
 TIMES = np.arange(0.0, 0.2, 0.002)
 LIMITS = np.full(6, np.pi)
@@ -71,71 +69,6 @@ def test_velocities_far_beyond_the_joints_limits_are_impossible():
     assert not check.velocities_impossible(np.full(6, -np.pi))
     assert check.velocities_impossible(np.array([0.0, 0.0, 0.0, 0.0, 0.0, -1e300]))
     assert not RobotCheck(np.full(6, np.inf)).velocities_impossible(np.full(6, 1e300))
-
-
-def _motion(t: float) -> tuple[np.ndarray, np.ndarray]:
-    """Positions and velocities of an arm whose joints oscillate, at up to 1 rad/s."""
-    rate = np.linspace(1.0, 4.0, 6)
-    return np.sin(rate * t) / rate, np.cos(rate * t)
-
-
-@pytest.mark.parametrize("step", [0.002, 0.008, 0.05])
-def test_velocities_of_the_same_motion_are_believed(step: float) -> None:
-    check, rng = RobotCheck(LIMITS), np.random.default_rng(0)
-    for t in np.arange(0.0, 20.0, step):
-        q, qd = _motion(t)
-        noisy = qd + 0.02 * rng.standard_normal(6)
-        # A loss of packets now and then, and a joint that is counted anew after each turn.
-        if rng.random() > 0.1:
-            turned = (q + np.array([t, 0.0, 0.0, 0.0, 0.0, 0.0]) + np.pi) % (2.0 * np.pi) - np.pi
-            assert not check.velocities_contradict(
-                t, turned, noisy + np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-            )
-
-
-def test_no_velocity_of_a_real_arm_contradicts_its_positions() -> None:
-    count = 0
-    for path in sorted(shared("ur10e_recordings").glob("*.csv.gz")):
-        check = RobotCheck(LIMITS)
-        for t, *numbers in np.loadtxt(path, delimiter=",", usecols=range(13)):
-            q, qd = np.split(np.array(numbers), 2)
-            if not check.velocities_impossible(qd):
-                count += 1
-                assert not check.velocities_contradict(t, q, qd)
-    assert count > 50_000
-
-
-def test_a_hard_stop_while_packets_are_lost_is_believed() -> None:
-    check, speed = RobotCheck(LIMITS), np.full(6, 2.0)
-    for t in np.arange(0.0, 0.5, 0.002):
-        assert not check.velocities_contradict(t, t * speed, speed)
-    for t in np.arange(0.59, 1.0, 0.002):
-        assert not check.velocities_contradict(t, 0.5 * speed, np.zeros(6))
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        lambda t, qd: (t, np.zeros(6)),
-        lambda t, qd: (t, -qd),
-        lambda t, qd: (t, np.degrees(qd)),
-        lambda t, qd: (t, np.where(np.arange(6) == 2, _motion(1.0)[1], qd)),
-        lambda t, qd: (1.0 + 0.5 * (t - 1.0), qd),
-    ],
-    ids=["zero", "sign", "degrees", "one frozen", "clock at half speed"],
-)
-def test_velocities_of_another_motion_are_told_and_forgotten(
-    wrong: Callable[[float, np.ndarray], tuple[float, np.ndarray]],
-) -> None:
-    check = RobotCheck(LIMITS)
-    told = []
-    for t in np.arange(0.0, 5.0, 0.002):
-        q, qd = _motion(t)
-        stamp, velocity = wrong(t, qd) if 1.0 <= t < 2.0 else (t, qd)
-        if check.velocities_contradict(stamp, q, velocity):
-            told.append(t)
-    assert 1.0 <= told[0] < 1.25
-    assert 1.9 < told[-1] < 3.0
 
 
 def test_torques_and_whole_packets_that_repeat():

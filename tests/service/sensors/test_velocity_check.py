@@ -1,0 +1,123 @@
+"""Joint velocities that are not those with which the joint positions change."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from contactsense.service.sensors.plausibility import RobotCheck
+from contactsense.service.sensors.velocity_check import AGREED, MOVEMENT, REST, VelocityCheck
+from tests.shared import shared
+
+Wrong = Callable[[float, np.ndarray], tuple[float, np.ndarray]]
+"""From time and velocities to the wrong ones."""
+
+
+def _motion(t: float) -> tuple[np.ndarray, np.ndarray]:
+    """Positions and velocities of an arm whose joints oscillate, at up to 1 rad/s."""
+    rate = np.linspace(1.0, 4.0, 6)
+    return np.sin(rate * t) / rate, np.cos(rate * t)
+
+
+@pytest.mark.parametrize("step", [0.002, 0.008, 0.05])
+def test_velocities_of_the_same_motion_are_believed(step: float) -> None:
+    check, rng = VelocityCheck(6), np.random.default_rng(0)
+    for t in np.arange(0.0, 20.0, step):
+        q, qd = _motion(t)
+        noisy = qd + 0.02 * rng.standard_normal(6)
+        # A loss of packets now and then, and a joint that is counted anew after each turn.
+        if rng.random() > 0.1:
+            turned = (q + np.array([t, 0.0, 0.0, 0.0, 0.0, 0.0]) + np.pi) % (2.0 * np.pi) - np.pi
+            assert not check.contradict(t, turned, noisy + np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
+
+
+def test_no_velocity_of_a_real_arm_contradicts_its_positions() -> None:
+    count = 0
+    for path in sorted(shared("ur10e_recordings").glob("*.csv.gz")):
+        check, robot = VelocityCheck(6), RobotCheck(np.full(6, np.pi))
+        for t, *numbers in np.loadtxt(path, delimiter=",", usecols=range(13)):
+            q, qd = np.split(np.array(numbers), 2)
+            if not robot.velocities_impossible(qd):
+                count += 1
+                assert not check.contradict(t, q, qd)
+    assert count > 50_000
+
+
+def test_a_hard_stop_while_packets_are_lost_is_believed() -> None:
+    check, speed = VelocityCheck(6), np.full(6, 2.0)
+    for t in np.arange(0.0, 0.5, 0.002):
+        assert not check.contradict(t, t * speed, speed)
+    for t in np.arange(0.59, 1.0, 0.002):
+        assert not check.contradict(t, 0.5 * speed, np.zeros(6))
+
+
+WRONG: dict[str, Wrong] = {
+    "zero": lambda t, qd: (t, np.zeros(6)),
+    "sign": lambda t, qd: (t, -qd),
+    "degrees": lambda t, qd: (t, np.degrees(qd)),
+    "one frozen": lambda t, qd: (t, np.where(np.arange(6) == 2, 1.0, qd)),
+    "clock at half speed": lambda t, qd: (1.0 + 0.5 * (t - 1.0), qd),
+}
+
+
+@pytest.mark.parametrize("wrong", WRONG.values(), ids=WRONG)
+def test_velocities_of_another_motion_are_told_and_forgotten(wrong: Wrong) -> None:
+    check = VelocityCheck(6)
+    told = []
+    for t in np.arange(0.0, 5.0, 0.002):
+        q, qd = _motion(t)
+        stamp, velocity = wrong(t, qd) if 1.0 <= t < 2.0 else (t, qd)
+        if check.contradict(stamp, q, velocity):
+            told.append(t)
+    assert 1.0 <= told[0] < 1.25
+    assert 1.9 < told[-1] < 3.0
+    assert sum(t < 2.0 for t in told) == round((2.0 - told[0]) / 0.002)  # without a break
+
+
+def _stop_and_go(t: float) -> tuple[np.ndarray, np.ndarray]:
+    """Positions and velocities of an arm that moves to and fro in 2 s each and rests for 1 s between."""
+    reach = np.linspace(0.2, 1.2, 6)
+    backwards = t % 6.0 >= 3.0
+    s = min(t % 3.0 / 2.0, 1.0)
+    place = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+    speed = 30.0 * s**2 * (1.0 - s) ** 2 / 2.0
+    return (reach * (1.0 - place), -reach * speed) if backwards else (reach * place, reach * speed)
+
+
+@pytest.mark.parametrize("name", ["zero", "sign", "degrees", "one frozen"])
+@pytest.mark.parametrize("begin", np.arange(0.1, 6.0, 0.4).tolist())
+def test_a_wrong_velocity_is_not_believed_when_the_arm_moves_again(name: str, begin: float) -> None:
+    check, end, step = VelocityCheck(6), begin + 6.0, 0.002
+    first, moved = None, np.zeros(6)
+    for t in np.arange(0.0, end + 6.0, step):
+        q, qd = _stop_and_go(t)
+        faulty = begin <= t < end
+        _, velocity = WRONG[name](t, qd) if faulty else (t, qd)
+        told = check.contradict(t, q, velocity)
+        if told and first is None:
+            first = t
+        if t < begin or (moved > 3.0 * AGREED * MOVEMENT).all():
+            assert not told
+        wrong = np.abs(velocity - qd).max() > 0.05
+        if faulty and first is not None and wrong:
+            # While a movement begins, no more than its first moment is believed.
+            assert told or np.abs(q - _stop_and_go(t - 0.25)[0]).max() < 5.0 * REST
+        if t >= end:
+            moved += step * np.abs(qd)
+    assert first is not None
+    assert first >= begin
+    assert (moved > 3.0 * AGREED * MOVEMENT).all()
+
+
+@pytest.mark.parametrize(("late", "acceleration"), [(0.03, 1.0), (0.01, 10.0), (0.005, 40.0)])
+def test_velocities_of_a_filter_are_believed(late: float, acceleration: float) -> None:
+    check, step = VelocityCheck(1), 0.002
+    speed = position = filtered = 0.0
+    for t in np.arange(0.0, 3.0, step):
+        before = speed
+        # To at most 2 rad/s and back to rest, again and again.
+        ramp = min(2.0 / acceleration, 0.7)
+        speed = acceleration * max(min(t % 1.5, ramp, 1.4 - t % 1.5), 0.0)
+        position += 0.5 * step * (before + speed)
+        filtered += step / (late + step) * (speed - filtered)
+        assert not check.contradict(t, np.array([position]), np.array([filtered]))
