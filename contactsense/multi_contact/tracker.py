@@ -41,8 +41,9 @@ SETTLING_TIME = 8.0
 """Time for which a further contact is searched before a change counts as a slide, in time constants."""
 SEARCH_INTERVAL = 0.5
 """Interval between two tests of a single contact, or two searches, in time constants."""
-SLIDE_DEVIATION = 0.04
-"""Standard deviation of a slide [m]."""
+SLIDE_DEVIATION, SHORT_SLIDE_DEVIATION = 0.04, 0.005
+"""Standard deviations of a slide, and of one that has just begun [m]. With the first alone, a slow slide is
+less probable than a further contact with a small force."""
 FORCE_CHANGE_LOG_ODDS = math.log(0.2)
 """Log prior odds of forces that change by more than `FORCE_DRIFT`."""
 RELEASE_LOG_ODDS = math.log(0.02)
@@ -159,9 +160,9 @@ class MultiContactTracker:
             if t - self._prior_time > PRIOR_INTERVAL * self._tau:
                 self._prior_hypotheses, self._next_prior, self._prior_time = self._next_prior, now, t
             return
-        alternatives = unchanged + hypothesis_filter.explain(
-            present, self._prior_hypotheses, 1, math.inf, SLIDE_DEVIATION
-        )
+        alternatives = list(unchanged)
+        for deviation in (SLIDE_DEVIATION, SHORT_SLIDE_DEVIATION):
+            alternatives += hypothesis_filter.explain(present, self._prior_hypotheses, 1, math.inf, deviation)
         alternatives += hypothesis_filter.explain(present, [Hypothesis((), 0.0)], 1, math.inf)
         extended = hypothesis_filter.with_further_contact(present, self._prior_hypotheses)
         if _is_more_probable(extended, alternatives) and extended[0].energy <= hypothesis_filter.energy_limit(

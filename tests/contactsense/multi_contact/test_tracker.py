@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from contactsense import Estimate, JointTorqueSensor, Localizer, Scene, WrenchSensor
+from contactsense import Estimate, JointTorqueSensor, Localizer, Sample, Scene, WrenchSensor
 from contactsense.benchmarks.multi_contact.measure import match
 from tests.contactsense.multi_contact.streams import Push, stream
 from tests.plain_arm import plain_ur5e
+from tests.shared import truth
 
 NOISE = (0.05, 0.01, 0.3)
 SCENE = Scene(
@@ -117,6 +118,34 @@ def test_a_slide_or_a_force_change_is_not_a_second_contact(localizer: Localizer,
     for seed, changed in enumerate((replace(FOREARM, slide=slide), replace(FOREARM, size=push))):
         estimates, _ = _run(localizer, [changed], 1.5, seed, speed)
         assert all(estimate.status != "multiple" for estimate in estimates)
+
+
+@pytest.mark.parametrize("robot", ["ur5e", "ur10e"])
+def test_no_single_touch_of_the_meshes_is_two_contacts(robot: str) -> None:
+    """Among them slides over edges, of which the primitives know nothing."""
+    data, scale = truth(f"motion_{robot}.npz"), np.repeat(NOISE[:2], 3)
+    measured = (
+        data["q"],
+        data["qd"].astype(float),
+        data["tau"] + NOISE[2] * data["noise_tau"],
+        data["base_wrench"] + scale * data["noise_wrench"],
+    )
+    localizer = Localizer(
+        Scene(
+            robot=robot,
+            base_wrench=SCENE.base_wrench,
+            joint_torque=SCENE.joint_torque,
+            contacts=2,
+        )
+    )
+    touched = 0
+    for run in np.flatnonzero(~data["run_multi"]):
+        localizer.reset()
+        for i in np.flatnonzero(data["run"] == run):
+            estimate = localizer.step(Sample(float(data["t"][i]), *(array[i] for array in measured)))
+            touched += bool(estimate.contacts)
+            assert estimate.status != "multiple", (run, estimate.t)
+    assert touched > 3000
 
 
 def test_missing_torques_degrade_the_estimate(localizer: Localizer) -> None:
