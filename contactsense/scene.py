@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, get_args
 
 import numpy as np
 from pydantic import (
-    BaseModel,
     BeforeValidator,
     ConfigDict,
     Field,
@@ -23,6 +22,7 @@ from contactsense import robots
 from contactsense.robots import Robot
 from contactsense.robots.attribute_docs import with_attributes
 from contactsense.robots.field_errors import Place, describe, reasons
+from contactsense.robots.file_model import FileModel
 from contactsense.robots.library import in_library
 from contactsense.robots.primitives import Vector
 from contactsense.robots.robot import NO_MASS, Inertia
@@ -82,7 +82,7 @@ def _reference(robot: Robot) -> str:
 
 
 @with_attributes
-class Scene(BaseModel):
+class Scene(FileModel):
     """One arm and its surroundings. Immutable; a `Localizer` is created from it.
 
     From Python: `Scene(robot="ur5e", mounting="ceiling")`; from a file: `Scene.load("scene.yaml")`.
@@ -91,7 +91,7 @@ class Scene(BaseModel):
         SceneError: a field is invalid; the message names it, what was expected and what came.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
+    model_config = ConfigDict(use_attribute_docstrings=True)
 
     robot: Annotated[
         InstanceOf[Robot],

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
+from contactsense.robots.file_model import FileModel
 from contactsense.robots.link_poses import link_poses
 from contactsense.robots.robot import Robot
 from contactsense.robots.rotations import rotation_from_rpy
@@ -15,9 +16,7 @@ FAR = 0.05
 """If a calibrated joint is further than this from the model's, the calibration belongs to another arm [m]."""
 
 
-class _Place(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
+class _Place(FileModel):
     x: float
     y: float
     z: float

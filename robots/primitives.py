@@ -9,17 +9,15 @@ the same shapes.
 from math import dist, sqrt
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, model_validator
+from pydantic import Field, PositiveFloat, model_validator
+
+from contactsense.robots.file_model import FileModel
 
 Vector = tuple[float, float, float]
 Positive = tuple[PositiveFloat, PositiveFloat, PositiveFloat]
 
 
-class _Shape(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class Sphere(_Shape):
+class Sphere(FileModel):
     """A ball."""
 
     kind: Literal["sphere"] = "sphere"
@@ -29,7 +27,7 @@ class Sphere(_Shape):
     """Radius [m]."""
 
 
-class Capsule(_Shape):
+class Capsule(FileModel):
     """All points within `radius` of the segment from `a` to `b`."""
 
     kind: Literal["capsule"] = "capsule"
@@ -47,7 +45,7 @@ class Capsule(_Shape):
         return self
 
 
-class Cylinder(_Shape):
+class Cylinder(FileModel):
     """A cylinder or truncated cone with flat caps and rounded rims.
 
     The caps lie in the planes through `a` and `b`, perpendicular to the axis a-b. `radius_a` and `radius_b`
@@ -93,7 +91,7 @@ class Cylinder(_Shape):
         return self
 
 
-class Ellipsoid(_Shape):
+class Ellipsoid(FileModel):
     """An ellipsoid with semi-axes `radii` along its own axes."""
 
     kind: Literal["ellipsoid"] = "ellipsoid"
@@ -105,7 +103,7 @@ class Ellipsoid(_Shape):
     """Semi-axes [m]."""
 
 
-class Box(_Shape):
+class Box(FileModel):
     """A box with rounded edges and corners."""
 
     kind: Literal["box"] = "box"

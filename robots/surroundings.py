@@ -4,8 +4,9 @@ from collections.abc import Iterable
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat
+from pydantic import ConfigDict, Field, PositiveFloat
 
+from contactsense.robots.file_model import FileModel
 from contactsense.robots.primitives import Primitive, Vector
 from contactsense.robots.robot import NO_MASS, Link
 from contactsense.robots.rotations import rotation_from_rpy
@@ -14,10 +15,10 @@ from contactsense.robots.surface.convex_primitives import Surfaces, pack
 Role = Literal["obstacle", "cover", "pedestal"]
 
 
-class Body(BaseModel):
+class Body(FileModel):
     """A rigid body of the cell, fixed in the base frame."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
+    model_config = ConfigDict(use_attribute_docstrings=True)
 
     name: Annotated[str, Field(min_length=1)]
     """Name in estimates."""

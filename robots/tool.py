@@ -1,8 +1,9 @@
 """A tool or payload at the flange: its inertia and its surface, in the tool flange's frame."""
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, NonNegativeFloat, field_validator
+from pydantic import ConfigDict, Field, NonNegativeFloat, field_validator
 
+from contactsense.robots.file_model import FileModel
 from contactsense.robots.primitives import Primitive, Vector
 from contactsense.robots.robot import Inertia
 from contactsense.robots.rotations import symmetric
@@ -12,11 +13,11 @@ _ROUNDING = 0.01
 """Share of the largest principal moment by which rounded numbers may contradict each other."""
 
 
-class Tool(BaseModel):
+class Tool(FileModel):
     """Something rigidly mounted on the tool flange; without primitives it only has weight and cannot be
     touched."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
+    model_config = ConfigDict(use_attribute_docstrings=True)
 
     name: str = "tool"
     """Name of the link in estimates."""

@@ -23,6 +23,7 @@ from pydantic import (
 
 from contactsense.robots import yaml_fields
 from contactsense.robots.field_errors import joined, reasons
+from contactsense.robots.file_model import FileModel
 from contactsense.robots.primitive_extent import beyond
 from contactsense.robots.primitives import Primitive, Vector
 from contactsense.robots.robot import Inertia, Joint, Link, LocalDeviation, Robot
@@ -42,11 +43,7 @@ class RobotError(ValueError):
     """An invalid description of a robot: the message names the file, the element and the error."""
 
 
-class _Entry(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class LinkEntry(_Entry):
+class LinkEntry(FileModel):
     """One link: `tensor` as ixx, ixy, ixz, iyy, iyz, izz about the com, in axes rotated by `rpy`."""
 
     name: str
@@ -69,7 +66,7 @@ class LinkEntry(_Entry):
         return Inertia(self.mass, np.array(self.com), turn @ symmetric(self.tensor) @ turn.T)
 
 
-class JointEntry(_Entry):
+class JointEntry(FileModel):
     """One revolute joint: its frame in its parent link; limits in degrees, degrees per second and Nm."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=True)
@@ -109,14 +106,14 @@ class JointEntry(_Entry):
         )
 
 
-class FrameEntry(_Entry):
+class FrameEntry(FileModel):
     """A frame in another: origin and roll, pitch, yaw about fixed axes."""
 
     xyz: Place = (0.0, 0.0, 0.0)
     rpy: Angles = (0.0, 0.0, 0.0)
 
 
-class RobotEntry(_Entry):
+class RobotEntry(FileModel):
     """`<name>.yaml`: links from the base outward, and the joints between them."""
 
     name: str
@@ -136,7 +133,7 @@ class RobotEntry(_Entry):
         return self
 
 
-class LinkSurface(_Entry):
+class LinkSurface(FileModel):
     """The surface of one link at two levels of detail."""
 
     fine: tuple[Primitive, ...] = Field(min_length=1)
@@ -165,7 +162,7 @@ class LinkSurface(_Entry):
         return self
 
 
-class SurfaceEntry(_Entry):
+class SurfaceEntry(FileModel):
     """`<name>.surface.yaml`: primitives by link."""
 
     robot: str

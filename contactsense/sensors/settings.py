@@ -6,7 +6,6 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import (
     AfterValidator,
-    BaseModel,
     ConfigDict,
     Field,
     NonNegativeFloat,
@@ -16,6 +15,7 @@ from pydantic import (
 
 from contactsense.robots import Inertia
 from contactsense.robots.attribute_docs import with_attributes
+from contactsense.robots.file_model import FileModel
 from contactsense.robots.primitives import Vector
 from contactsense.robots.rotations import rotation_from_rpy
 from contactsense.robots.units import in_metres, within_one_turn
@@ -70,10 +70,10 @@ def _two_or_six(numbers: tuple[float, ...] | None) -> tuple[float, ...] | None:
     return numbers
 
 
-class Part(BaseModel):
+class Part(FileModel):
     """A part of a scene: immutable, no unknown fields, finite numbers."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
+    model_config = ConfigDict(use_attribute_docstrings=True)
 
 
 @with_attributes

@@ -2,14 +2,14 @@
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, NonNegativeFloat, PositiveFloat, model_validator
+from pydantic import Field, NonNegativeFloat, PositiveFloat, model_validator
+
+from contactsense.robots.file_model import FileModel
 
 Vector = tuple[float, float, float]
 
 
-class _Obstacle(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
+class _Obstacle(FileModel):
     name: str = ""
     """Name in reports; default: its kind."""
     stiffness: PositiveFloat = 20_000.0

@@ -4,8 +4,6 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
-    BaseModel,
-    ConfigDict,
     Field,
     NonNegativeFloat,
     NonNegativeInt,
@@ -15,6 +13,7 @@ from pydantic import (
 )
 
 from contactsense.robots.field_errors import describe
+from contactsense.robots.file_model import FileModel
 from contactsense.robots.yaml_fields import fields_in, read_fields
 from contactsense.service.mock.obstacles import Obstacle
 
@@ -29,11 +28,7 @@ class ScriptError(ValueError):
     """A script cannot be read, or requests something that its robot cannot do."""
 
 
-class _Part(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class Noise(_Part):
+class Noise(FileModel):
     """Standard deviations of the sensors' white noise."""
 
     base_force: NonNegativeFloat = 0.0
@@ -46,7 +41,7 @@ class Noise(_Part):
     """Seed of the random generator; the same seed gives the same noise."""
 
 
-class Move(_Part):
+class Move(FileModel):
     """One segment of the trajectory: a smooth move, then a dwell."""
 
     to: Posture
@@ -57,7 +52,7 @@ class Move(_Part):
     """Time at rest after the move [s]."""
 
 
-class Trajectory(_Part):
+class Trajectory(FileModel):
     """Joint motion: starts at rest, passes through postures, and ends at rest."""
 
     start: Posture
@@ -78,7 +73,7 @@ class Trajectory(_Part):
         return self.dwell + sum(move.duration + move.dwell for move in self.moves)
 
 
-class Contact(_Part):
+class Contact(FileModel):
     """One scripted touch. Its force is given in one of three ways: `push`, `force_link` or `force_base`."""
 
     link: str
@@ -116,7 +111,7 @@ class Contact(_Part):
         return self
 
 
-class Watchdog(_Part):
+class Watchdog(FileModel):
     """Parameters of `rtde_set_watchdog` of URScript."""
 
     variable: str
@@ -127,7 +122,7 @@ class Watchdog(_Part):
     """What the controller does with the program if the input is not written."""
 
 
-class SafetySettings(_Part):
+class SafetySettings(FileModel):
     """Conditions under which the simulated controller stops by itself."""
 
     force_limit: PositiveFloat | None = None
@@ -140,7 +135,7 @@ class SafetySettings(_Part):
     """Deviation of a joint from its target that causes a protective stop [rad]."""
 
 
-class Script(_Part):
+class Script(FileModel):
     """A simulated arm's robot, motion, contacts, obstacles and noise."""
 
     robot: str

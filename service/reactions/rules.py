@@ -5,14 +5,13 @@ from typing import Annotated, Literal, Self
 
 from pydantic import (
     AfterValidator,
-    BaseModel,
-    ConfigDict,
     Field,
     PositiveFloat,
     ValidationError,
     model_validator,
 )
 
+from contactsense.robots.file_model import FileModel
 from contactsense.robots.units import in_metres
 from contactsense.robots.yaml_fields import read_fields
 from contactsense.runtime.reading_limits import LARGEST_FORCE
@@ -30,11 +29,7 @@ class RulesError(ValueError):
     """The rules cannot be used: the message names file and field, what was expected and what was given."""
 
 
-class _Part(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class Level(_Part):
+class Level(FileModel):
     """A level of force and the actions that it triggers."""
 
     force: Force
@@ -49,7 +44,7 @@ class Level(_Part):
     """Names of actions, started in this order."""
 
 
-class Direction(_Part):
+class Direction(FileModel):
     """A cone of directions: forces on the robot outside it do not count."""
 
     axis: Three
@@ -66,7 +61,7 @@ class Direction(_Part):
         return self
 
 
-class Rule(_Part):
+class Rule(FileModel):
     """Levels for some links."""
 
     name: str
@@ -95,7 +90,7 @@ class Rule(_Part):
         return self
 
 
-class ExpectedContact(_Part):
+class ExpectedContact(FileModel):
     """A contact that the robot program may announce: while its window is open, higher levels apply to such a
     contact. The file defines what can be announced and up to which force; a request only names it."""
 
@@ -114,7 +109,7 @@ class ExpectedContact(_Part):
     """Value of `inputs.announce` that opens the window."""
 
 
-class Inputs(_Part):
+class Inputs(FileModel):
     """Output registers of the robot program that the service reads."""
 
     acknowledge: (
@@ -128,7 +123,7 @@ class Inputs(_Part):
     """Integer register that opens the window of an expected contact by its `value`; 0 closes it."""
 
 
-class RobotAddress(_Part):
+class RobotAddress(FileModel):
     """The controller to which actions are sent."""
 
     host: str | None = None
@@ -136,16 +131,16 @@ class RobotAddress(_Part):
     rtde_port: Annotated[int, Field(ge=1, le=65535)] = 30004
 
 
-class ReactionRules(_Part):
+class ReactionRules(FileModel):
     """Content of a rules file."""
 
     robot: RobotAddress = RobotAddress()
     moving_speed: PositiveFloat = 0.02
     """The arm moves when a joint is faster than this [rad/s]."""
-    groups: dict[str, Annotated[tuple[str, ...], Field(min_length=1)]] = {}
+    groups: dict[str, Annotated[tuple[str, ...], Field(min_length=1)]] = Field(default_factory=dict)
     """Name of a group -> its links."""
     inputs: Inputs = Inputs()
-    actions: dict[str, Action] = {}
+    actions: dict[str, Action] = Field(default_factory=dict)
     """Name -> action."""
     rules: Annotated[tuple[Rule, ...], Field(min_length=1)]
     expected: tuple[ExpectedContact, ...] = ()

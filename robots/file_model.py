@@ -1,0 +1,53 @@
+"""Base of what is read from YAML files: immutable, no unknown fields, finite numbers, and no truth values for
+numbers.
+
+In YAML `yes`, `on` and `true` are truth values, which Python takes for 1 where a number is expected.
+"""
+
+from functools import cache
+from typing import Any, get_args
+
+from pydantic import BaseModel, ConfigDict, model_validator
+
+
+class FileModel(BaseModel):
+    """What is read from a file, see the module."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _truth_is_no_number(cls, given: Any) -> Any:
+        if not isinstance(given, dict):
+            return given
+        numbers = _number_fields(cls)
+        return {name: _marked(value) if name in numbers else value for name, value in given.items()}
+
+
+class _TruthValue:
+    """A truth value that no validator takes for a number."""
+
+    def __init__(self, value: bool) -> None:
+        self._value = value
+
+    def __repr__(self) -> str:
+        return str(self._value).lower()
+
+
+def _marked(value: Any) -> Any:
+    """A value with the truth values in it marked."""
+    if isinstance(value, list | tuple):
+        return [_marked(part) for part in value]
+    return _TruthValue(value) if isinstance(value, bool) else value
+
+
+@cache
+def _number_fields(model: type[BaseModel]) -> frozenset[str]:
+    """The fields for numbers in which no truth value can be meant."""
+    kinds = {name: set(_kinds(field.annotation)) for name, field in model.model_fields.items()}
+    return frozenset(name for name, own in kinds.items() if own & {int, float} and bool not in own)
+
+
+def _kinds(annotation: Any) -> list[Any]:
+    """The types in a type such as `tuple[float, ...] | None`, itself included."""
+    return [annotation, *(kind for part in get_args(annotation) for kind in _kinds(part))]
