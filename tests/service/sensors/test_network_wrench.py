@@ -14,6 +14,7 @@ from contactsense.service.sensors.netft_client import NetFtStream, WrenchRecord
 from contactsense.service.sensors.network_wrench import NetworkWrench, Timing, WrenchSource
 from contactsense.service.sensors.plausibility import ReadingCheck, RecentCounts, SensorEvent
 from contactsense.service.sensors.robot_stream import RobotRecord
+from contactsense.service.sensors.stuck_channels import ArmState
 from contactsense.service.sensors.wrench_reader import WrenchReader
 
 NS = 1_000_000_000
@@ -79,7 +80,7 @@ class Box:
         self.reader = NetworkWrench(
             WrenchSource("sensor"),
             Timing(None, 0.005, 0.0, 0.003),
-            ReadingCheck("base_wrench", False, RecentCounts()),
+            ReadingCheck("base_wrench", False, RecentCounts(), ArmState()),
             lambda _: None,
         )
 
@@ -143,7 +144,7 @@ def test_a_sample_lacks_a_reading_only_while_the_sensor_sends(
     """Of a sensor that is away its state tells; shares would tell of it long after it is back."""
     box, recent = Box(monkeypatch), RecentCounts()
     box.health = SimpleNamespace(state=state)
-    check = ReadingCheck("base_wrench", False, recent)
+    check = ReadingCheck("base_wrench", False, recent, ArmState())
     reader = WrenchReader(lambda _, reading: reading, check, box.reader, 0.005)
     assert reader.at(RobotRecord(7.0, box.ns, ()), {}, np.zeros(6)).wrench is None
     assert recent.totals(time.monotonic())[SensorEvent("base_wrench", "lacking")] == lacking
