@@ -39,6 +39,9 @@ _LATE = 5e-3
 the reason: the last of the readings that it hears at once is in time."""
 _LATEST = 1.0
 """If they are later than this, the sensor's clock stood still rather than the stream [s]."""
+_LASTING = 10.0
+"""A robot that has been late for this long is reported [s]: if the network is slow for a while, that does no
+harm."""
 _ESTABLISHED = 5.0
 """Arrivals over this time are needed before a stream can be called late: earlier the estimated rate may be
 wrong [s]."""
@@ -68,8 +71,12 @@ class ClockMap:
         """Current estimate of the seconds per unit of the sensor's clock."""
         self._offset = 0.0
         self._least = math.inf
+        self._heard = 0
         self.late = 0.0
-        """By how much the least delayed arrival of the latest complete block is above the line [s]."""
+        """By how much the least delayed arrival of the latest complete block is above the line [s]; 0 if too
+        few arrived."""
+        self.late_blocks = 0
+        """Number of blocks since the stream has become later."""
 
     @property
     def is_late(self) -> bool:
@@ -86,14 +93,15 @@ class ClockMap:
         self._offset = min(self._offset, residual)
         if y >= self._block_end or not self._points:
             self._block_end = y + (_BLOCK if y > _TRUST else _FIRST_BLOCK)
-            self.late = self._least - self._offset if self._points else 0.0
-            self._least = residual
+            self.late = self._least - self._offset if self._heard >= _SUPPORT else 0.0
+            self.late_blocks = self.late_blocks + 1 if self.is_late else 0
+            self._least, self._heard = residual, 1
             if self.is_late:
                 self._points.pop()
             self._fit()
             self._points.append((x, y))
         else:
-            self._least = min(self._least, residual)
+            self._least, self._heard = min(self._least, residual), self._heard + 1
             last = self._points[-1]
             if residual < last[1] - self.period * last[0]:
                 self._points[-1] = (x, y)
@@ -246,8 +254,9 @@ class Aligner:
 
     @property
     def robot_is_late(self) -> bool:
-        """The same of the robot's packets, compared with the force/torque readings."""
-        return self._robot.is_late and self._robot.late > self._sensor.late + _LATE
+        """The same of the robot's packets, for some time."""
+        lasts = self._robot.late_blocks * _BLOCK > _LASTING
+        return lasts and self._robot.late > self._sensor.late + _LATE
 
     def covers(self, timestamp: float) -> bool:
         """Whether a reading at or after that instant of the robot (or half a period before it) has
