@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 STUCK_READINGS = 5
 """A channel with the same value in so many successive readings is stuck. In the recordings of a real UR10e
-(`contactsense.service.sensors.plausibility`) no motor current had the same value in three successive packets,
-and at most 1 % of the values at rest repeated the one before."""
+(100 Hz; shamilmamedov, dynamic_calibration) no motor current had the same value in three successive packets,
+but for the damaged end of one file, and at rest about 1 % of the values, at most, repeated the one before."""
 LARGEST_REPEATS = 0.1
 """A channel that repeats a larger share of its values at rest is too coarse to be judged. White noise repeats
-this share where it is 2.8 times as large as the resolution, and five equal values by chance once in 10^4
-readings: they are left out, but not told."""
+this share where it is 2.8 times as large as the resolution, and five equal values by chance less than once in
+10^4 readings: they are left out, but not told."""
 LEAST_SEEN = 50
 """The share is known from so many values at rest."""
 NEVER_CHANGED = 5000
