@@ -2,7 +2,7 @@
 of a sensor that is off.
 
 A robot's own packets are checked more strictly (`service/sensors/plausibility.py`). At rest pushed samples
-may repeat: simulators without noise push theirs, too.
+may repeat, and single values of them in motion as well: simulators without noise push theirs, too.
 """
 
 import time
@@ -21,6 +21,7 @@ from contactsense.service.sensors.plausibility import (
     SensorEvent,
 )
 from contactsense.service.sensors.recent_trouble import WITHOUT_WRENCH
+from contactsense.service.sensors.stuck_channels import StuckChannels
 from contactsense.service.sensors.velocity_check import VelocityCheck
 from contactsense.types import Sample
 
@@ -35,6 +36,8 @@ _TEXTS = {
     "samples are not used: are they frozen, of another sign or unit, or are the times not in seconds?",
     "frozen": "{field}: the controller repeats the same reading while the arm moves; it is left out: is the "
     "sensor stuck, or slower than 100 Hz?",
+    "stuck": "{field}[{channel}]: this value stays the same while the others change; the whole reading is "
+    "left out: is that channel of the sensor broken?",
     "zero": "{field}: the reading is exactly zero in all components; it is left out: is the sensor on?",
 }
 
@@ -50,7 +53,11 @@ class PushedReadings:
         self._recent = RecentCounts()
         self._robot = RobotCheck(np.array([joint.velocity_limit for joint in scene.robot.joints]))
         self._velocities = VelocityCheck(len(scene.robot.joints))
-        self._repeats = {name: RepeatCheck() for name in ("joint_torque", "base_wrench", *scene.link_sensors)}
+        lengths = {"joint_torque": len(scene.robot.joints)}
+        lengths |= dict.fromkeys(("base_wrench", *scene.link_sensors), 6)
+        self._repeats = {name: RepeatCheck() for name in lengths}
+        # A controller may send a constant for a joint that has no sensor.
+        self._channels = {name: StuckChannels(length, from_start=False) for name, length in lengths.items()}
         torque = scene.joint_torque
         # A torque without model is zero where nothing touches, and where there is no noise. So is the wrench
         # on a sensor within the arm that carries nothing.
@@ -58,6 +65,7 @@ class PushedReadings:
         if torque is not None and torque.contains == "motor":
             self._never_zero.add("joint_torque")
         self._q: tuple[float, ...] = ()
+        self._at_rest = False
 
     def checked(self, sample: Sample) -> Sample:
         """The sample without readings that cannot be measurements.
@@ -73,7 +81,8 @@ class PushedReadings:
             self._note("qd", "wrong")
             raise MessageError("qd", "expected the velocities with which q changes [rad/s]")
         q = tuple(sample.q.tolist())
-        moves = q != self._q and float(np.abs(sample.qd).max()) > REST_SPEED
+        self._at_rest = float(np.abs(sample.qd).max()) <= REST_SPEED
+        moves = q != self._q and not self._at_rest
         self._q = q
         links = by_field(sample.wrist_wrench, sample.link_wrenches)
         kept = {field: self._measured(field, wrench, sample.t, moves) for field, wrench in links.items()}
@@ -90,7 +99,7 @@ class PushedReadings:
         counts = self._recent.totals(time.monotonic())
         few = WITHOUT_WRENCH * counts[_SAMPLES]  # readings of a sensor that is now and then late
         return tuple(
-            _TEXTS[event.what].format(field=event.field)
+            _TEXTS[event.what].format(field=event.field, channel=event.channel)
             for event, count in counts.items()
             if isinstance(event, SensorEvent) and count > max(2, few if event.what == "frozen" else 0.0)
         )
@@ -99,14 +108,19 @@ class PushedReadings:
         """The reading of a sensor, None if it cannot be a measurement."""
         if values is None:
             return None
-        repeated = self._repeats[field].update(t, tuple(values.tolist()))
+        reading = tuple(values.tolist())
+        repeated = self._repeats[field].update(t, reading)
         if field in self._never_zero and not values.any():
             self._note(field, "zero")
+            return None
+        if stuck := self._channels[field].update(reading, self._at_rest):
+            for channel in stuck:
+                self._note(field, "stuck", channel)
             return None
         if not moves or repeated <= HELD or not values.any():
             return values
         self._note(field, "frozen")
         return None
 
-    def _note(self, field: str, what: str) -> None:
-        self._recent.add(time.monotonic(), SensorEvent(field, what))
+    def _note(self, field: str, what: str, channel: int | None = None) -> None:
+        self._recent.add(time.monotonic(), SensorEvent(field, what, channel))

@@ -17,15 +17,18 @@ from contactsense.service.sensors.netft_client import WrenchRecord
 from contactsense.service.sensors.network_wrench import NetworkWrench, Timing, WrenchSource
 from contactsense.service.sensors.plausibility import (
     REPEAT_LIMIT,
+    REST_SPEED,
     ReadingCheck,
     RecentCounts,
     RobotCheck,
+    SensorEvent,
 )
 from contactsense.service.sensors.recent_trouble import RecentTrouble
 from contactsense.service.sensors.robot_stream import RobotRecord, RobotStream, SensorError
 from contactsense.service.sensors.rtde_client import RtdeStream
 from contactsense.service.sensors.signal_mapping import TorqueMap, WrenchMap
 from contactsense.service.sensors.source_health import SourceHealth
+from contactsense.service.sensors.stuck_channels import ArmState, StuckChannels
 from contactsense.service.sensors.ur_rtde_client import UrRtdeStream
 from contactsense.service.sensors.velocity_check import VelocityCheck
 from contactsense.service.sensors.wrench_reader import WrenchReader, WrenchReading
@@ -118,6 +121,8 @@ class LiveSource:
         self._recent = RecentCounts()
         self._trouble = RecentTrouble()
         self._checked = not settings.constant_readings
+        self._arm = ArmState()
+        self._torque_channels = StuckChannels(len(scene.robot.joints), from_start=True)
         sources = _sources(scene, settings)
         fields = ["actual_q", "actual_qd", *(() if self._torque is None else self._torque.names)]
         fields += [name for source in sources.values() for name in source.fields]
@@ -202,7 +207,7 @@ class LiveSource:
     def _reader(
         self, scene: Scene, name: str, source: WrenchSource, settings: SourceSettings
     ) -> WrenchReader:
-        check = ReadingCheck(name, self._checked, self._recent)
+        check = ReadingCheck(name, self._checked, self._recent, self._arm)
         to_base = _to_base(scene, name)
         if source.host is None:
             return WrenchReader(to_base, check, source.fields, settings.wrench_max_age)
@@ -232,7 +237,8 @@ class LiveSource:
         """The sample of a packet, if it is usable, and the base sensor's reading in it."""
         slices, values = self._robot.slices, record.values
         q = np.array(values[slices["actual_q"]])
-        qd = np.array(values[slices["actual_qd"]])
+        speeds = values[slices["actual_qd"]]
+        qd = np.array(speeds)
         if not (np.isfinite(q).all() and np.isfinite(qd).all()):
             self._unusable += 1
             self._recent.add(time.monotonic(), "not finite")
@@ -241,6 +247,7 @@ class LiveSource:
             self._unusable += 1
             self._recent.add(time.monotonic(), "too fast")
             return None, _NO_READING
+        self._arm.at_rest = max(map(abs, speeds)) <= REST_SPEED
         torque = None
         raw: tuple[Number, ...] = ()
         if self._torque is not None:
@@ -253,14 +260,7 @@ class LiveSource:
             if self._frozen(record.timestamp, q, qd, raw) or self._contradicts(record.timestamp, q, qd):
                 self._unusable += 1
                 return None, _NO_READING
-            repeated = self._robot_check.torque_repeats(record.timestamp, raw) if raw else 0.0
-            silent = bool(raw) and not any(raw)
-            if repeated > REPEAT_LIMIT or silent:
-                self._recent.add(time.monotonic(), "torque zero" if silent else "torque frozen")
-            if repeated > 0.0 or silent:
-                torque = None
-            elif torque is not None and (np.abs(torque) > self._torque_limit).any():
-                self._recent.add(time.monotonic(), "torque too large")
+            if raw and not self._believes_torque(record.timestamp, raw, torque):
                 torque = None
         readings = {name: reader.at(record, slices, q) for name, reader in self._wrenches.items()}
         base = readings.pop(_BASE, _NO_READING)
@@ -268,6 +268,32 @@ class LiveSource:
             self._without_wrench += base.wrench is None
         links = as_fields({name: reading.wrench for name, reading in readings.items()})
         return Sample(record.timestamp, q, qd, torque, base.wrench, **links), base
+
+    def _believes_torque(self, t: float, raw: tuple[Number, ...], torque: np.ndarray | None) -> bool:
+        """Whether the joint torques can be measurements.
+
+        Args:
+            t: Time on the robot's clock [s].
+            raw: Their values as received.
+            torque: The torques [Nm], shape (n,); None: they are no numbers.
+        """
+        now = time.monotonic()
+        repeated = self._robot_check.torque_repeats(t, raw)
+        if not any(raw):
+            self._recent.add(now, "torque zero")
+            return False
+        # What is subtracted from measured currents is computed by the controller, and may stay the same.
+        stuck = self._torque_channels.update(raw[: len(self._torque_limit)], self._arm.at_rest)
+        for joint in stuck:
+            self._recent.add(now, SensorEvent("joint_torque", "stuck", joint))
+        if repeated > REPEAT_LIMIT:
+            self._recent.add(now, "torque frozen")
+        if repeated > 0.0 or stuck:
+            return False
+        if torque is not None and (np.abs(torque) > self._torque_limit).any():
+            self._recent.add(now, "torque too large")
+            return False
+        return True
 
     def _frozen(self, t: float, q: np.ndarray, qd: np.ndarray, torque: tuple[Number, ...]) -> bool:
         """Whether the robot repeats an old state instead of sending the current one."""

@@ -13,6 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from contactsense.service.sensors.stuck_channels import ArmState, StuckChannels
+
 REPEAT_LIMIT = 0.04
 """A noisy signal that has repeated all its values for longer than this is reported as frozen [s]."""
 MOTION_LIMIT = 2e-4
@@ -102,12 +104,14 @@ class RobotCheck:
 
 
 class SensorEvent(NamedTuple):
-    """A kind of event at one of several force/torque sensors."""
+    """A kind of event at one of several sensors."""
 
     field: str
-    """Field of the scene: `base_wrench`, or a key of `Scene.link_sensors`."""
+    """Field of the scene: `joint_torque`, `base_wrench`, or a key of `Scene.link_sensors`."""
     what: str
     """The kind."""
+    channel: int | None = None
+    """Which of the signal's values; None: the event is one of the whole reading."""
 
 
 Event = str | SensorEvent
@@ -155,15 +159,17 @@ class ReadingCheck:
         field: The sensor's field of the scene.
         checked: Whether readings that never change are left out; those of a simulator without noise do not.
         recent: Counts the problems, as `SensorEvent`.
+        arm: Whether the arm is at rest.
     """
 
-    def __init__(self, field: str, checked: bool, recent: RecentCounts) -> None:
+    def __init__(self, field: str, checked: bool, recent: RecentCounts, arm: ArmState) -> None:
         self.field = field
-        self._checked, self._recent = checked, recent
+        self._checked, self._recent, self._arm = checked, recent, arm
         self._repeats = RepeatCheck()
+        self._channels = StuckChannels(6, from_start=True)
 
     def believes(self, t: float, reading: Sequence[float], max_age: float) -> bool:
-        """Whether a reading is plausible: numbers, not exactly zero, and not constant.
+        """Whether a reading is plausible: numbers, not exactly zero, not constant, and no component stuck.
 
         Args:
             t: Time of the reading [s], on any monotonic clock.
@@ -173,16 +179,20 @@ class ReadingCheck:
         if not all(map(math.isfinite, reading)):
             self.note("not finite")
             return False
-        repeated = self._repeats.update(t, tuple(reading))
+        values = tuple(reading)
+        repeated = self._repeats.update(t, values)
         if not self._checked:
             return True
         if not any(reading):
             self.note("zero")
             return False
+        stuck = self._channels.update(values, self._arm.at_rest)
+        for channel in stuck:
+            self.note("stuck", channel)
         if repeated > REPEAT_LIMIT:
             self.note("frozen")
-        return repeated <= max_age
+        return repeated <= max_age and not stuck
 
-    def note(self, what: str) -> None:
-        """Count a problem of this sensor."""
-        self._recent.add(time.monotonic(), SensorEvent(self.field, what))
+    def note(self, what: str, channel: int | None = None, count: int = 1) -> None:
+        """Count a problem of this sensor, or of one of its components."""
+        self._recent.add(time.monotonic(), SensorEvent(self.field, what, channel), count)

@@ -10,6 +10,9 @@ SHARE = 0.02
 """A smaller fraction of lost, repeated or late packets is not reported."""
 WITHOUT_WRENCH = 0.05
 """The same for samples without a force/torque reading, which a busy computer misses now and then."""
+LOST_READINGS = 0.5
+"""The same for lost readings of a force/torque sensor: those before and after make up for fewer. Above
+it, none is used."""
 
 _ALWAYS = {
     "not finite": "the robot sends joint positions or velocities that are not numbers",
@@ -36,6 +39,12 @@ _ALWAYS = {
 _OF_SENSOR = {
     "unaligned": "samples lack the force/torque reading: its clock and the robot's are not aligned yet, "
     "which takes longer on a busy computer",
+    "late": "the force/torque readings arrive later than before, compared with the robot's packets; they are "
+    "left out: does something between sensor and computer hold them back? If the sensor's counter stood "
+    "still, restart the service",
+    "robot late": "the robot's packets arrive later than before, compared with the force/torque readings: "
+    "does something between robot and computer hold them back? If the robot's clock stood still, restart the "
+    "service",
     "not finite": "the force/torque sensor sends values that are not numbers; its readings are left out",
     "zero": "the force/torque sensor reads exactly zero in all six components; its readings are left out: "
     "check its cable and power",
@@ -43,6 +52,10 @@ _OF_SENSOR = {
     "simulator without noise needs --constant-readings)",
 }
 """The same of each force/torque sensor."""
+_STUCK = (
+    "{field}[{channel}]: this value stays the same while the others change; the whole reading is left out: "
+    "is that channel of the sensor broken? (A simulator without noise needs --constant-readings)"
+)
 _SHARES = {
     "lost": "up to {share:.0%} of the robot's packets were lost within a second; check the network and the "
     "load of this computer",
@@ -52,6 +65,11 @@ _SHARES = {
     "late ones are ignored",
 }
 _LACKING = "up to {share:.0%} of the samples within a second lack the force/torque reading"
+
+_READINGS_LOST = (
+    "up to {share:.0%} of the readings within a second were lost on their way from the force/torque sensor; "
+    "the others are left out: check its network"
+)
 
 
 class RecentTrouble:
@@ -70,20 +88,35 @@ class RecentTrouble:
         """
         found = [text for name, text in _ALWAYS.items() if counts[name] > 2]
         expected = max(counts["packets"], 0.5 / period)
-
-        def held(event: Event, limit: float) -> float:
-            share = min(1.0, counts[event] / expected)
-            return self._shares.setdefault(event, HeldShare(limit)).update(now, share)
-
         events = {event for event in (*counts, *self._shares) if isinstance(event, SensorEvent)}
         for field in sorted({event.field for event in events}):
-            said = [text for what, text in _OF_SENSOR.items() if counts[SensorEvent(field, what)] > 2]
-            # What is told by its cause must not be told again by its share when the cause is over.
-            share = 0.0 if said else held(SensorEvent(field, "lacking"), WITHOUT_WRENCH)
-            if share:
-                said = [_LACKING.format(share=share)]
-            found += [f"{field}: {text}" for text in said]
+            found += self._of_sensor(now, field, counts, expected)
         for name, text in _SHARES.items():
-            if share := held(name, SHARE):
+            if share := self._held(now, name, counts[name] / expected, SHARE):
                 found.append(text.format(share=share))
         return tuple(found)
+
+    def _of_sensor(self, now: float, field: str, counts: Counter[Event], expected: float) -> list[str]:
+        """One line for each problem of a sensor, whose samples are so many as expected."""
+        said = [
+            f"{field}: {text}" for what, text in _OF_SENSOR.items() if counts[SensorEvent(field, what)] > 2
+        ]
+        said += [
+            _STUCK.format(field=field, channel=event.channel)
+            for event in sorted(event for event in counts if isinstance(event, SensorEvent))
+            if (event.field, event.what) == (field, "stuck") and counts[event] > 2
+        ]
+        lost, received = (counts[SensorEvent(field, what)] for what in ("lost", "received"))
+        share = lost / max(lost + received, 1)
+        if share := self._held(now, SensorEvent(field, "lost"), share, LOST_READINGS):
+            said.append(f"{field}: {_READINGS_LOST.format(share=share)}")
+        # What is told by its cause must not be told again by its share when the cause is over.
+        lacking = SensorEvent(field, "lacking")
+        share = self._held(now, lacking, 0.0 if said else counts[lacking] / expected, WITHOUT_WRENCH)
+        if share and not said:
+            said.append(f"{field}: {_LACKING.format(share=share)}")
+        return said
+
+    def _held(self, now: float, event: Event, share: float, limit: float) -> float:
+        """The share to tell, 0 for none."""
+        return self._shares.setdefault(event, HeldShare(limit)).update(now, min(1.0, share))

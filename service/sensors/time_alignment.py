@@ -5,8 +5,13 @@ their arrival. Arrivals are late, never early, so the line below all (own time, 
 sensor's clock in host time plus the minimum network delay (S. B. Moon et al., "Estimation and removal of
 clock skew from network delay measurements", INFOCOM 1999). A constant delay cannot be determined this way; if
 it differs between the two streams, `Aligner(delay=...)` subtracts the difference.
+
+A stream that becomes later, as behind a proxy that buffers, is late against that line. Its clock is not
+learned from late arrivals: otherwise the line would tilt and rise to them within a minute, and readings would
+be taken for those of another instant. A clock that stood still looks the same, so lateness is reported.
 """
 
+import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -29,6 +34,17 @@ _TRUST = 2.0
 """From this time on, the estimated period is better than the given one [s]."""
 _AHEAD = 0.5
 """If readings or time stamps are ahead of their arrivals by more than this, the clock was reset [s]."""
+_LATE = 5e-3
+"""If all arrivals of a block are late by more than this, the stream has become later [s]. A busy host is not
+the reason: the last of the readings that it hears at once is in time."""
+_LATEST = 1.0
+"""If they are later than this, the sensor's clock stood still rather than the stream [s]."""
+_LASTING = 10.0
+"""A robot that has been late for this long is reported [s]: if the network is slow for a while, that does no
+harm."""
+_ESTABLISHED = 5.0
+"""Arrivals over this time are needed before a stream can be called late: earlier the estimated rate may be
+wrong [s]."""
 _SKEW = 5e-4
 """Quartz clocks agree within this tolerance; a larger slope error is jitter [s/s]."""
 
@@ -54,6 +70,18 @@ class ClockMap:
         self.period = self._given or 0.0
         """Current estimate of the seconds per unit of the sensor's clock."""
         self._offset = 0.0
+        self._least = math.inf
+        self._heard = 0
+        self.late = 0.0
+        """By how much the least delayed arrival of the latest complete block is above the line [s]; 0 if too
+        few arrived."""
+        self.late_blocks = 0
+        """Number of blocks since the stream has become later."""
+
+    @property
+    def is_late(self) -> bool:
+        """Whether the stream has become later, and is not learned from."""
+        return _LATE < self.late < _LATEST and self._stretch >= _ESTABLISHED
 
     def observe(self, tick: float, arrival_ns: int) -> None:
         """Add the arrival of a reading: time on the sensor's clock and host time."""
@@ -65,9 +93,15 @@ class ClockMap:
         self._offset = min(self._offset, residual)
         if y >= self._block_end or not self._points:
             self._block_end = y + (_BLOCK if y > _TRUST else _FIRST_BLOCK)
+            self.late = self._least - self._offset if self._heard >= _SUPPORT else 0.0
+            self.late_blocks = self.late_blocks + 1 if self.is_late else 0
+            self._least, self._heard = residual, 1
+            if self.is_late:
+                self._points.pop()
             self._fit()
             self._points.append((x, y))
         else:
+            self._least, self._heard = min(self._least, residual), self._heard + 1
             last = self._points[-1]
             if residual < last[1] - self.period * last[0]:
                 self._points[-1] = (x, y)
@@ -212,6 +246,17 @@ class Aligner:
     def ready(self) -> bool:
         """Whether both clocks have been heard for long enough."""
         return self._sensor.ready and self._robot.ready
+
+    @property
+    def is_late(self) -> bool:
+        """Whether the force/torque readings arrive later than they did, compared with the robot's packets."""
+        return self._sensor.is_late and self._sensor.late > self._robot.late + _LATE
+
+    @property
+    def robot_is_late(self) -> bool:
+        """The same of the robot's packets, for some time."""
+        lasts = self._robot.late_blocks * _BLOCK > _LASTING
+        return lasts and self._robot.late > self._sensor.late + _LATE
 
     def covers(self, timestamp: float) -> bool:
         """Whether a reading at or after that instant of the robot (or half a period before it) has

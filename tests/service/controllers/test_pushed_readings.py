@@ -56,6 +56,58 @@ def test_a_reading_that_repeats_in_motion_is_left_out(field: str) -> None:
     assert text.startswith(f"{field}: the controller repeats the same reading")
 
 
+def noisy(i: int, start: int, rng: np.random.Generator) -> Sample:
+    """Sample number i of an arm that moves from sample number `start` on, and has noisy sensors."""
+    sample = moving(max(0, i - start + 1))
+    fields = {name: rng.standard_normal(6) for name in ("joint_torque", "base_wrench", "wrist_wrench")}
+    return replace(sample, t=STEP * i, qd=0.0 * sample.qd if i < start else sample.qd, **fields)
+
+
+@pytest.mark.parametrize("start", [400, 2000])
+@pytest.mark.parametrize("value", [0.0, 3.0])
+@pytest.mark.parametrize("field", ["joint_torque", "base_wrench", "wrist_wrench"])
+def test_a_value_that_is_stuck_while_others_change_is_told(field: str, value: float, start: int) -> None:
+    readings, rng = PushedReadings(SCENE), np.random.default_rng(0)
+    for i in range(1000):
+        stuck, sample = i >= 500, noisy(i, start, rng)
+        if stuck:
+            getattr(sample, field)[4] = value
+        checked = readings.checked(sample)
+        assert (getattr(checked, field) is None) == stuck or 500 <= i < 510
+        others = {"joint_torque", "base_wrench", "wrist_wrench"} - {field}
+        assert all(getattr(checked, other) is not None for other in others)
+    (text,) = readings.trouble
+    assert text.startswith(f"{field}[4]: this value stays the same")
+    assert getattr(readings.checked(noisy(1000, start, rng)), field) is not None
+
+
+def test_constants_of_a_simulator_are_believed() -> None:
+    """The torque of an upright axis is 0, a joint that rests has a constant one, and nothing has noise."""
+    readings = PushedReadings(SCENE)
+    constant = {name: getattr(moving(0), name) for name in ("joint_torque", "base_wrench", "wrist_wrench")}
+    for i in range(3000):
+        rests = i % 1000 < 500
+        sample = moving(i - 499 - i // 1000 * 500)
+        if rests:
+            sample = replace(moving(i // 1000 * 500), **constant, qd=np.zeros(6))
+        torque = sample.joint_torque.copy()
+        torque[0], torque[3] = 0.0, 7.0
+        checked = readings.checked(replace(sample, t=STEP * i, joint_torque=torque))
+        assert checked.joint_torque is torque
+        assert checked.base_wrench is not None
+        assert checked.wrist_wrench is not None
+    assert readings.trouble == ()
+
+
+def test_a_constant_for_a_joint_without_a_sensor_is_believed() -> None:
+    readings, rng = PushedReadings(SCENE), np.random.default_rng(0)
+    for i in range(7000):
+        sample = noisy(i, 500, rng)
+        assert sample.joint_torque is not None
+        sample.joint_torque[5] = 0.0
+        assert readings.checked(sample).joint_torque is not None
+
+
 def test_a_sensor_slower_than_the_controller_is_believed() -> None:
     readings = PushedReadings(SCENE)
     for i in range(100):

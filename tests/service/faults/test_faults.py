@@ -96,6 +96,8 @@ ROWS = [
     Row("stamp is frozen", "robot", "waiting", "repeat the time stamp"),
     Row("all but the stamp is frozen", "robot", "waiting", "its packets are stale"),
     Row("torque is frozen", "robot", "degraded", "joint torques never change"),
+    Row("one torque is frozen", "robot", "degraded", r"joint_torque\[2\]: "),
+    Row("one torque is zero", "robot", "degraded", r"joint_torque\[1\]: ", onsets=1, touched=".*"),
     # Until the arm has moved by 0.01 rad, what its motion needs looks like a contact.
     Row(
         "velocities are zero",
@@ -111,6 +113,9 @@ ROWS = [
     Row("spikes of 300 Nm", "robot", "ok|degraded", ""),
     Row("mute", "sensor", "degraded", "mute, it sends no readings|lack the force/torque reading"),
     Row("frozen", "sensor", "degraded", "repeats the same reading"),
+    Row("one component is frozen", "sensor", "degraded", r"base_wrench\[3\]: "),
+    Row("one component is zero", "sensor", "degraded", r"base_wrench\[2\]: ", onsets=1, touched=".*"),
+    Row("20 ms late", "sensor", "degraded", "later than before"),
     # Nothing tells it from somebody who pushes the base: the joints feel neither.
     Row("biased by 40 N", "sensor", "ok", "", onsets=1),
     Row("all zero", "sensor", "degraded", "exactly zero"),
@@ -124,6 +129,7 @@ ROWS = [
     Row("reordered", "sensor", "ok|degraded", ""),
     Row("doubled", "sensor", "ok", ""),
     Row("30 % lost", "sensor", "ok", ""),
+    Row("90 % lost", "sensor", "degraded", "(8[5-9]|9[0-9])% of the readings"),
     Row("saturated", "sensor", "degraded", "beyond its range|lack the force/torque reading"),
     # Random bytes may look like any state of the sensor.
     Row("junk", "sensor", "degraded", "lack the force/torque reading|mute|readings as bad|malformed"),
@@ -138,12 +144,23 @@ TRIED_ALWAYS = {
     "robot": {
         "q is NaN",
         "torque is frozen",
+        "one torque is frozen",
         "velocities are zero",
         "pairs are swapped",
         "bursts of 400 ms",
         "10 % are missing",
     },
-    "sensor": {"mute", "frozen", "biased by 40 N", "restarted, counts from 1", "saturated", "junk"},
+    "sensor": {
+        "mute",
+        "frozen",
+        "one component is frozen",
+        "20 ms late",
+        "biased by 40 N",
+        "restarted, counts from 1",
+        "90 % lost",
+        "saturated",
+        "junk",
+    },
 }
 """One fault of each kind, which .ci/run tries; all take three minutes."""
 

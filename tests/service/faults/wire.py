@@ -200,6 +200,21 @@ def _no_velocities(link: Link, packet: bytes) -> list[bytes]:
     return [link.edit(packet, change)]
 
 
+def _one_of(name: str, joint: int, value: float | None) -> RobotFault:
+    """One component of a field that keeps its first value, or has that value."""
+
+    def fault(link: Link, packet: bytes) -> list[bytes]:
+        def change(values: Values, recipe: Recipe) -> None:
+            if link.first is None:
+                link.first = list(values)
+            place = recipe.slices[name].start + joint
+            values[place] = link.first[place] if value is None else value
+
+        return [link.edit(packet, change)]
+
+    return fault
+
+
 def _swapped(link: Link, packet: bytes) -> list[bytes]:
     if link.held:
         held, link.held = link.held, b""
@@ -263,6 +278,8 @@ ROBOT_FAULTS: dict[str, RobotFault] = {
     "stamp is frozen": _frozen(("timestamp",)),
     "all but the stamp is frozen": _frozen(("actual_q", "actual_qd", TORQUE)),
     "torque is frozen": _frozen((TORQUE,)),
+    "one torque is frozen": _one_of(TORQUE, 2, None),
+    "one torque is zero": _one_of(TORQUE, 1, 0.0),
     "velocities are zero": _no_velocities,
     "pairs are swapped": _swapped,
     "10 % are missing": _missing,
@@ -342,6 +359,12 @@ def _same(proxy: NetFtProxy, record: bytes) -> list[bytes]:
     return [record[:12] + proxy.held[0][12:]]
 
 
+def _one_same(proxy: NetFtProxy, record: bytes) -> list[bytes]:
+    if not proxy.held:
+        proxy.held.append(record)
+    return [record[:24] + proxy.held[0][24:28] + record[28:]]  # the moment about x
+
+
 def _renumbered(by: int) -> SensorFault:
     """Numbers that start at `by`, or run ahead by it where it is positive."""
 
@@ -366,12 +389,16 @@ SENSOR_FAULTS: dict[str, SensorFault] = {
     "mute": lambda proxy, record: [],
     "frozen": _same,
     "all zero": _counts(lambda counts: [0] * 6),
+    "one component is frozen": _one_same,
+    "one component is zero": _counts(lambda counts: [*counts[:2], 0, *counts[3:]]),
     "biased by 40 N": _counts(lambda counts: [counts[0] + 40_000_000, *counts[1:]]),
     "restarted, counts from 1": _renumbered(0),
     "counts 1e6 ahead": _renumbered(1_000_000),
     "reordered": _reordered,
     "doubled": lambda proxy, record: [record, record],
     "30 % lost": lambda proxy, record: [] if random.Random(proxy.count).random() < 0.3 else [record],
+    "90 % lost": lambda proxy, record: [] if random.Random(proxy.count).random() < 0.9 else [record],
+    "20 ms late": lambda proxy, record: _late_record(proxy, record, 20),
     "saturated": lambda proxy, record: [record[:8] + struct.pack(">I", 0x40000000) + record[12:]],
     "junk": lambda proxy, record: [random.Random(proxy.count).randbytes(36)],
     "bursts of 50 ms": lambda proxy, record: _burst(proxy, record, 50),
@@ -384,3 +411,9 @@ def _burst(proxy: NetFtProxy, record: bytes, size: int) -> list[bytes]:
         return []
     held, proxy.held = proxy.held, []
     return held
+
+
+def _late_record(proxy: NetFtProxy, record: bytes, count: int) -> list[bytes]:
+    """Each record so many later."""
+    proxy.held.append(record)
+    return [proxy.held.pop(0)] if len(proxy.held) > count else []

@@ -308,6 +308,29 @@ def test_torques_that_are_exactly_zero_are_left_out_at_once():
         assert (sample.joint_torque is None) == (round(sample.t * 500) % 10 == 0)
 
 
+def test_a_joint_whose_current_is_stuck_is_named_and_the_torques_are_left_out():
+    """While the arm rests, the controller's own target currents stay the same."""
+    current = np.random.default_rng(0).standard_normal((FEED.n, 6))
+    current[400:600, 4] = 0.0
+    fields = {"actual_q": np.ones(6), "actual_qd": np.zeros(6), "actual_current": current}
+    fields["target_current"] = np.zeros(6)
+    signal = JointTorqueSensor(signal="actual_current_minus_target", torque_constants=TORQUE_CONSTANTS)
+    scene = Scene(robot="ur5e", joint_torque=signal, base_wrench=None)
+    told = set()
+    with (
+        MockServers(FEED, MOCK, fields=fields) as servers,
+        LiveSource(scene, SourceSettings(servers.rtde.host, servers.rtde.port)) as source,
+    ):
+        samples = []
+        while not samples or samples[-1].t < 1.4:
+            samples += source.poll(0.1)
+            told.add(source.health.trouble.partition(":")[0])
+        assert until(lambda: source.poll(0.1) and source.health.trouble == "")
+    assert told == {"", "joint_torque[4]"}
+    lacking = {round(500 * sample.t) for sample in samples if sample.joint_torque is None}
+    assert set(range(408, 600)) <= lacking <= set(range(404, 600))
+
+
 def test_velocities_that_no_joint_reaches():
     fields = {"actual_qd": np.full(6, 1e300)}
     with (

@@ -14,6 +14,7 @@ from contactsense.service.sensors.netft_client import NetFtStream, WrenchRecord
 from contactsense.service.sensors.network_wrench import NetworkWrench, Timing, WrenchSource
 from contactsense.service.sensors.plausibility import ReadingCheck, RecentCounts, SensorEvent
 from contactsense.service.sensors.robot_stream import RobotRecord
+from contactsense.service.sensors.stuck_channels import ArmState
 from contactsense.service.sensors.wrench_reader import WrenchReader
 
 NS = 1_000_000_000
@@ -71,7 +72,10 @@ class Box:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.ns, self.tick, self.stamp = 50 * NS, 1000, 7.0
         self.waited = 0
-        self.health = SimpleNamespace(state="streaming")
+        self.late = 0.0
+        """By how much readings arrive later [s]."""
+        self.recent = RecentCounts()
+        self.health = SimpleNamespace(state="streaming", received=0, lost=0)
         self.queue: list[WrenchRecord] = []
         monkeypatch.setattr(network_wrench, "NetFtStream", lambda *_, **__: self)
         clock = SimpleNamespace(monotonic=lambda: self.now / NS, monotonic_ns=lambda: self.now)
@@ -79,7 +83,7 @@ class Box:
         self.reader = NetworkWrench(
             WrenchSource("sensor"),
             Timing(None, 0.005, 0.0, 0.003),
-            ReadingCheck("base_wrench", False, RecentCounts()),
+            ReadingCheck("base_wrench", False, self.recent, ArmState()),
             lambda _: None,
         )
 
@@ -91,7 +95,8 @@ class Box:
     def poll(self, timeout: float = 0.0) -> list[WrenchRecord]:
         """What has arrived."""
         self.waited += round(timeout * NS)
-        found, self.queue = self.queue, []
+        found = [record for record in self.queue if record.arrival_ns <= self.now]
+        self.queue = self.queue[len(found) :]
         return found
 
     def run(self, duration: float) -> float:
@@ -101,7 +106,8 @@ class Box:
             for _ in range(2):
                 self.ns += NS // 1000
                 self.tick += 1
-                self.queue.append(WrenchRecord(self.tick & 0xFFFFFFFF, self.ns, (self.tick, 0, 0, 0, 0, 0)))
+                at = self.ns + round(self.late * NS)
+                self.queue.append(WrenchRecord(self.tick & 0xFFFFFFFF, at, (self.tick, 0, 0, 0, 0, 0)))
             self.stamp += 0.002
             self.waited = 0
             record = RobotRecord(self.stamp, self.ns, ())
@@ -126,6 +132,53 @@ def test_a_robot_clock_that_stood_still_is_learned_anew(monkeypatch: pytest.Monk
     assert box.run(1.0) == 1.0
 
 
+def test_late_readings_are_left_out_until_they_are_in_time_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    box = Box(monkeypatch)
+    box.run(6.0)
+    box.late = 0.02
+    assert box.run(100.0) < 0.01
+    assert box.recent.totals(time.monotonic())[SensorEvent("base_wrench", "late")] > 400
+    box.late = 0.0
+    box.queue.clear()  # what was on its way is lost
+    box.run(0.05)
+    assert box.run(1.0) == 1.0
+
+
+@pytest.mark.parametrize(("lost", "received"), [(30, 70), (90, 10), (10**6, 100)])
+def test_lost_readings_are_counted(monkeypatch: pytest.MonkeyPatch, lost: int, received: int) -> None:
+    """But not those that are missing where the sensor's numbers jump."""
+    box = Box(monkeypatch)
+    for _ in range(20):
+        box.run(0.1)
+        box.health.lost += lost
+        box.health.received += received
+    counts = box.recent.totals(time.monotonic())
+    share = counts[SensorEvent("base_wrench", "lost")] / (counts[SensorEvent("base_wrench", "received")] or 1)
+    assert share == pytest.approx(0.0 if lost == 10**6 else lost / received)
+
+
+def test_nothing_is_used_while_most_readings_are_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    box = Box(monkeypatch)
+    box.run(2.0)
+    for lost, used in ((30, 1.0), (90, 0.0), (30, 1.0)):
+        for _ in range(30):
+            box.health.lost += lost
+            box.health.received += 100 - lost
+            there = box.run(0.1)
+        assert there == used
+
+
+def test_readings_missing_after_an_outage_are_not_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    box = Box(monkeypatch)
+    box.run(1.0)
+    box.health.received += 100
+    box.run(0.2)
+    box.run(1.0)
+    box.health.received, box.health.lost = box.health.received + 100, box.health.lost + 1000
+    box.run(0.2)
+    assert box.recent.totals(time.monotonic())[SensorEvent("base_wrench", "lost")] == 0
+
+
 def test_damaged_numbers_while_the_clocks_are_learned_are_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
     box = Box(monkeypatch)
     # Each of them might be the first of a sensor that counts fast.
@@ -142,8 +195,8 @@ def test_a_sample_lacks_a_reading_only_while_the_sensor_sends(
 ) -> None:
     """Of a sensor that is away its state tells; shares would tell of it long after it is back."""
     box, recent = Box(monkeypatch), RecentCounts()
-    box.health = SimpleNamespace(state=state)
-    check = ReadingCheck("base_wrench", False, recent)
+    box.health = SimpleNamespace(state=state, received=0, lost=0)
+    check = ReadingCheck("base_wrench", False, recent, ArmState())
     reader = WrenchReader(lambda _, reading: reading, check, box.reader, 0.005)
     assert reader.at(RobotRecord(7.0, box.ns, ()), {}, np.zeros(6)).wrench is None
     assert recent.totals(time.monotonic())[SensorEvent("base_wrench", "lacking")] == lacking

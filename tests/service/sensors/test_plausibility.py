@@ -14,6 +14,7 @@ from contactsense.service.sensors.plausibility import (
     SensorEvent,
 )
 from contactsense.service.sensors.recent_trouble import RecentTrouble
+from contactsense.service.sensors.stuck_channels import ArmState
 
 TIMES = np.arange(0.0, 0.2, 0.002)
 LIMITS = np.full(6, np.pi)
@@ -122,20 +123,62 @@ def test_an_outage_that_is_over_is_told_no_longer_than_two_seconds(cause: str) -
 
 
 @pytest.mark.parametrize(
-    ("reading", "what"), [((math.nan, 1.0), "not finite"), ((0.0, -0.0), "zero"), ((1.0, 2.0), "frozen")]
+    ("reading", "what"),
+    [((math.nan,) * 6, "not finite"), ((0.0, -0.0) * 3, "zero"), ((1.0, 2.0) * 3, "frozen")],
 )
 def test_readings_that_cannot_be_measurements_are_counted(reading: tuple[float, ...], what: str) -> None:
     recent = RecentCounts()
-    check, free = (ReadingCheck("wrist_wrench", checked, recent) for checked in (True, False))
+    check, free = (ReadingCheck("wrist_wrench", checked, recent, ArmState()) for checked in (True, False))
     believed = [check.believes(0.002 * i, reading, 0.005) for i in range(100)]
     # The first of equal readings is a measurement.
     assert believed == [what == "frozen" and i < 3 for i in range(100)]
     counts = recent.totals(time.monotonic())
     assert set(counts) == {SensorEvent("wrist_wrench", what)}
     assert counts[SensorEvent("wrist_wrench", what)] == (79 if what == "frozen" else 100)
-    assert check.believes(0.2, (1.0, 3.0), 0.005)
+    assert check.believes(0.2, (1.0, 3.0) * 3, 0.005)
     # A simulator may send the same numbers all the time, but numbers.
     assert free.believes(1.0, reading, 0.005) == free.believes(2.0, reading, 0.005) == (what != "not finite")
+
+
+def test_a_stuck_component_is_counted_by_its_number() -> None:
+    recent, arm, rng = RecentCounts(), ArmState(at_rest=True), np.random.default_rng(0)
+    check, free = (ReadingCheck("base_wrench", checked, recent, arm) for checked in (True, False))
+    for i in range(500):
+        reading = rng.standard_normal(6)
+        reading[3] = 4.0 if i >= 400 else reading[3]
+        believed = check.believes(0.001 * i, reading.tolist(), 0.0)
+        assert believed == (i < 400) or 400 <= i < 410
+        assert free.believes(0.001 * i, reading.tolist(), 0.0)
+    assert set(recent.totals(time.monotonic())) == {SensorEvent("base_wrench", "stuck", 3)}
+    assert check.believes(0.5, rng.standard_normal(6).tolist(), 0.0)
+
+
+def test_stuck_components_and_late_and_lost_readings_are_told_in_words() -> None:
+    recent = RecentCounts()
+    recent.add(5.0, "packets", 500)
+    recent.add(5.0, SensorEvent("joint_torque", "stuck", 2), 300)
+    recent.add(5.0, SensorEvent("base_wrench", "stuck", 3), 300)
+    recent.add(5.0, SensorEvent("base_wrench", "stuck", 0), 2)  # by chance
+    recent.add(5.0, SensorEvent("base_wrench", "lacking"), 300)
+    recent.add(5.0, SensorEvent("wrist_wrench", "lacking"), 300)
+    recent.add(5.0, SensorEvent("wrist_wrench", "late"), 300)
+    base, torque, wrist = RecentTrouble().describe(5.0, recent.totals(5.0), 0.002)
+    assert base.startswith("base_wrench[3]: this value stays the same")
+    assert torque.startswith("joint_torque[2]: this value stays the same")
+    assert wrist.startswith("wrist_wrench: the force/torque readings arrive later than before")
+
+
+@pytest.mark.parametrize(("share", "is_told"), [(0.3, False), (0.9, True)])
+def test_the_share_of_lost_readings_is_told_instead_of_what_the_samples_lack(
+    share: float, is_told: bool
+) -> None:
+    recent = RecentCounts()
+    recent.add(5.0, "packets", 500)
+    recent.add(5.0, SensorEvent("base_wrench", "lost"), round(1000 * share))
+    recent.add(5.0, SensorEvent("base_wrench", "received"), round(1000 * (1.0 - share)))
+    recent.add(5.0, SensorEvent("base_wrench", "lacking"), round(400 * share**4))
+    told = RecentTrouble().describe(5.0, recent.totals(5.0), 0.002)
+    assert [text[:44] for text in told] == ["base_wrench: up to 90% of the readings withi"] * is_told
 
 
 def test_a_rare_loss_is_not_worth_a_word():
