@@ -18,7 +18,7 @@ from contactsense.benchmarks import options
 from contactsense.benchmarks.accuracy.calibration import NEAR, REGION, Share
 from contactsense.benchmarks.accuracy.credible_regions import distance, level, mixture, samples
 from contactsense.benchmarks.accuracy.reliability import Reliability, reliability
-from contactsense.benchmarks.accuracy.static_cases import COLUMNS, Detail, Noise
+from contactsense.benchmarks.accuracy.static_cases import COLUMNS, SENSORS, Detail, Noise
 from contactsense.benchmarks.multi_contact.measure import Scenario, localizer_for
 from contactsense.benchmarks.multi_contact.mesh_trials import MeshTrials
 from contactsense.benchmarks.multi_contact.trials import Trial, Trials
@@ -196,12 +196,14 @@ def _locate(
     known: Sequence[Contact],
     drift: float | None,
 ) -> Estimate:
-    """The estimate from a noisy measurement."""
+    """The estimate from a noisy measurement by the sensors of the localizer."""
     base, torque = measured
+    base = base + rng.standard_normal(6) * np.repeat(noise[:2], 3)
+    torque = torque + rng.standard_normal(len(torque)) * noise.torque
     return localizer.locate(
         trial.q,
-        base_wrench=base + rng.standard_normal(6) * np.repeat(noise[:2], 3),
-        joint_torque=torque + rng.standard_normal(len(torque)) * noise.torque,
+        base_wrench=base if localizer.scene.base_wrench is not None else None,
+        joint_torque=torque if localizer.scene.joint_torque is not None else None,
         detect=False,
         contacts=contacts,
         known=known,
@@ -266,6 +268,13 @@ def summarize(
     help="What is known before the last contact; may be repeated.",
 )  # fmt: skip
 @click.option(
+    "--drift", type=click.FloatRange(0.0, min_open=True), default=0.5, show_default=True,
+    help="Change of each component of the held forces [N].",
+)  # fmt: skip
+@click.option(
+    "--sensors", type=click.Choice(list(SENSORS)), default="all", show_default=True, help="What is measured."
+)
+@click.option(
     "--truth", type=options.FOLDER,
     help="Push the meshes: at the places of static_points_ROBOT.npz in this folder.",
 )  # fmt: skip
@@ -279,6 +288,8 @@ def calibration_several(
     force: float,
     seed: int,
     arriving: tuple[str, ...],
+    drift: float,
+    sensors: str,
     truth: Path | None,
     detail: Detail,
     brief: bool,
@@ -303,9 +314,12 @@ def calibration_several(
     with Progress(console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task("locating", total=len(cases) * trials)
         for robot, noise, n, way in cases:
-            localizer = localizer_for(robot, noise, detail=detail)
+            localizer = localizer_for(robot, noise, detail=detail, sensors=sensors)
+            scenario = SCENARIOS[way]
+            if scenario.drift is not None:
+                scenario = scenario._replace(drift=drift)
             verdicts = judge(
-                localizer, noise, trials, n, SCENARIOS[way], force=force, seed=seed,
+                localizer, noise, trials, n, scenario, force=force, seed=seed,
                 trials=None if truth is None else MeshTrials(localizer.scene, seed, truth, robot),
                 tick=lambda: progress.advance(task),
             )  # fmt: skip
@@ -314,7 +328,7 @@ def calibration_several(
         click.echo(json.dumps([_plain(r) for r in results]))
         return
     where = "primitives" if truth is None else f"meshes, detail {detail}"
-    _print_summary(results, f"{where}, {force:g} N, seed {seed}")
+    _print_summary(results, f"{where}, sensors {sensors}, {force:g} N, held to {drift:g} N, seed {seed}")
     if not brief:
         _print_reliability(results)
 

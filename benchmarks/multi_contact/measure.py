@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from contactsense import Contact, JointTorqueSensor, Localizer, Scene, WrenchSensor
-from contactsense.benchmarks.accuracy.static_cases import ASSUMED, Detail, Noise
+from contactsense.benchmarks.accuracy.static_cases import ASSUMED, SENSORS, Detail, Noise
 from contactsense.benchmarks.arms import arm
 from contactsense.benchmarks.multi_contact.trials import ForceDirection, Links, Trials
 
@@ -30,12 +30,18 @@ class Scenario(NamedTuple):
 
 
 def localizer_for(
-    robot: str, noise: Noise, gravity: float = 9.81, contacts: int = 1, detail: Detail = "fine"
+    robot: str,
+    noise: Noise,
+    gravity: float = 9.81,
+    contacts: int = 1,
+    detail: Detail = "fine",
+    sensors: str = "all",
 ) -> Localizer:
     """A localizer configured for the noise, for streams with up to `contacts` contacts.
 
-    Sensors without noise are assigned a small one.
+    Sensors without noise are assigned a small one. `sensors`: a key of `SENSORS`.
     """
+    has_base, has_torque = SENSORS[sensors]
     assumed = Noise(*(max(level, floor) for level, floor in zip(noise, ASSUMED, strict=True)))
     return Localizer(
         Scene(
@@ -43,8 +49,10 @@ def localizer_for(
             gravity=gravity,
             contacts=contacts,
             detail=detail,
-            base_wrench=WrenchSensor(force_noise=assumed.force, moment_noise=assumed.moment),
-            joint_torque=JointTorqueSensor(noise=assumed.torque),
+            base_wrench=(
+                WrenchSensor(force_noise=assumed.force, moment_noise=assumed.moment) if has_base else None
+            ),
+            joint_torque=JointTorqueSensor(noise=assumed.torque) if has_torque else None,
         )
     )
 

@@ -131,13 +131,18 @@ class Trials:
     def changed(self, push: Push, drift: float | None, direction: ForceDirection) -> Push:
         """The push at a later time.
 
-        Its force has changed by about `drift` in each component, or, with None, become another one of the
-        same size [N].
+        Its force has changed by about `drift` in each component and is still in the friction cone: others
+        would pull or slip. Or, with None, it has become another one of the same size [N].
         """
         size = float(np.linalg.norm(push.force))
         if drift is None:
             return replace(push, force=self._force(push.normal, size, direction))
-        return replace(push, force=push.force + drift * self._rng.standard_normal(3))
+        while True:
+            force = push.force + drift * self._rng.standard_normal(3)
+            normal_force = -float(force @ push.normal)
+            across = float(np.linalg.norm(force + normal_force * push.normal))
+            if across <= self._scene.friction * normal_force:
+                return replace(push, force=force)
 
     def _force(self, normal: np.ndarray, size: float, direction: ForceDirection) -> np.ndarray:
         force = -normal

@@ -101,6 +101,14 @@ class KnownPriorScratch(NamedTuple):
     """Factor of the information on all unknowns, the places first; lower triangle."""
     whitened: Annotated[Floats, f"rows, {UNKNOWNS} * {MAX_CONTACTS}"]
     """Derivative of the measured rows by the unknowns, divided by the factor."""
+    earlier: Annotated[Floats, "rows"]
+    """What the earlier sample measured, see `contactsense.multi_contact.known_components`."""
+    place_covariance: Annotated[Floats, f"{MAX_CONTACTS}, 3, 3"]
+    """Covariances of the known places where that of one is a component [m^2]."""
+    primitive: Annotated[Integers, f"{LANES}"]
+    """Primitive of each component."""
+    evidence: Annotated[Floats, f"{LANES}"]
+    """Log evidence of the known contacts with each component, before the measurement."""
 
 
 class JointState(NamedTuple):
@@ -123,8 +131,8 @@ class JointState(NamedTuple):
     """Point [m], force [N], torsion [Nm] and offset [m] of each known contact before the measurement, in each
     lane."""
     known_rows: Annotated[Floats, f"{MAX_CONTACTS}, {KNOWN_NUMBERS} * {LANES} * {UNKNOWNS} * {MAX_CONTACTS}"]
-    """Rows of the prior of known contacts: eight numbers of each, by what differs from `known_mean`; the same
-    in all lanes."""
+    """Rows of the prior of known contacts: eight numbers of each, by what differs from `known_mean`; in each
+    lane."""
     known_jacobian: Annotated[Floats, f"{MAX_CONTACTS} * {UNKNOWNS}, {LANES} * {UNKNOWNS} * {MAX_CONTACTS}"]
     """Derivative of these rows by the unknowns."""
     known_residual: Annotated[Floats, f"{LANES} * {UNKNOWNS} * {MAX_CONTACTS}"]

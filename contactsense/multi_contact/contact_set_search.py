@@ -139,8 +139,8 @@ def search_contact_sets(
         elif starts.is_broad:
             share_evidence(explanations, first, stored)
         best = min(best, lowest_energy)
-    if at_rest and drift == math.inf and known_count > 0:
-        divide_known_places(surface, prior, buffers, m, known, stored)
+    if at_rest and known_count > 0:
+        divide_known_places(surface, prior, buffers, m, known_count, change, stored)
     ranked: int = rank_sets(surfaces.link, explanations, stored, unlisted, 2.0 * prior.surface_deviation)
     return ranked
 

@@ -85,15 +85,9 @@ def fill_known_prior(
     Returns:
         Numbers of known contacts and of their rows.
     """
-    U, places = scratch.factor, PLACES * known_count
-    size = places if change.drift == math.inf else UNKNOWNS * known_count
-    for a in range(size):
-        for b in range(size):
-            U[a, b] = 0.0
     for i in range(known_count):
         initialize_known_contact(surface, prior, known_contacts, joint, change, prior.force, 0, i)
         _fill_mean(known_contacts, joint, i)
-        _fill_place_factor(known_contacts.covariance[i], joint.contact[i], PLACES * i, U)
     if change.drift < math.inf:
         for i in range(known_count):
             # As when the earlier sample was measured.
@@ -102,15 +96,52 @@ def fill_known_prior(
             joint.lane[ACTIVE, j] = 1.0 if j == 0 else 0.0
         take_rows(surface.surfaces, rows, m, known_count, joint)
         linearize(surface.surfaces, rows, m, prior, KnownRows(0, 0), known_count, joint)
-        _fill_conditional(known_count, change.measured, joint, scratch)
-        for i in range(known_count):
-            _add_change(prior, change.drift, joint.contact[i], OTHERS * i, scratch)
-        _fill_conditional_factor(known_count, scratch)
+    size = fill_rows(prior, known_contacts.covariance, known_count, change, joint, scratch, (0, LANES))
+    if change.drift < math.inf:
         for i in range(known_count):
             weigh_priors(change, 0, joint.contact[i])
-    for i in range(known_count):
-        _expand(prior, joint.contact[i], U, size, known_count, i, joint.known_rows[i])
     return KnownRows(known_count, size)
+
+
+@fused_kernel
+def fill_rows(
+    prior: Prior,
+    place_covariance: np.ndarray,
+    known_count: int,
+    change: Change,
+    joint: JointState,
+    scratch: KnownPriorScratch,
+    lanes: tuple[int, int],
+) -> int:
+    """Rows of what is known of the contacts in one lane.
+
+    Args:
+        prior, known_count, change: As for `fill_known_prior`.
+        place_covariance: Covariance of each place, shape (MAX_CONTACTS, 3, 3) [m^2]; its tangential part is
+            used.
+        joint: With the contacts; if forces are held also with the Gauss-Newton matrix of the earlier sample.
+            `known_rows` is filled.
+        scratch: Filled.
+        lanes: The lane of the contacts, the first one to be filled, and the one after the last.
+
+    Returns:
+        Number of rows.
+    """
+    U, places, lane = scratch.factor, PLACES * known_count, lanes[0]
+    size = places if change.drift == math.inf else UNKNOWNS * known_count
+    for a in range(size):
+        for b in range(size):
+            U[a, b] = 0.0
+    for i in range(known_count):
+        _fill_place_factor(place_covariance[i], joint.contact[i], lane, PLACES * i, U)
+    if change.drift < math.inf:
+        _fill_conditional(known_count, change.measured, joint, lane, scratch)
+        for i in range(known_count):
+            _add_change(prior, change.drift, joint.contact[i], lane, OTHERS * i, scratch)
+        _fill_conditional_factor(known_count, scratch)
+    for i in range(known_count):
+        _expand(prior, joint.contact[i], U, (size, known_count, i), joint.known_rows[i], lanes)
+    return size
 
 
 @fused_kernel
@@ -124,9 +155,9 @@ def _fill_mean(known_contacts: KnownContacts, joint: JointState, i: int) -> None
 
 
 @fused_kernel
-def _fill_place_factor(C: np.ndarray, block: np.ndarray, at: int, U: np.ndarray) -> None:
+def _fill_place_factor(C: np.ndarray, block: np.ndarray, lane: int, at: int, U: np.ndarray) -> None:
     """Factor of the information on a place: of the inverse of its covariance C in the tangent plane."""
-    s, t = vector_of(block, SX, 0), vector_of(block, TX, 0)
+    s, t = vector_of(block, SX, lane), vector_of(block, TX, lane)
     aa, ab, bb = MIN_POINT_DEVIATION * MIN_POINT_DEVIATION, 0.0, MIN_POINT_DEVIATION * MIN_POINT_DEVIATION
     for i in range(3):
         for k in range(3):
@@ -140,7 +171,7 @@ def _fill_place_factor(C: np.ndarray, block: np.ndarray, at: int, U: np.ndarray)
 
 @fused_kernel
 def _fill_conditional(
-    known_count: int, measured: bool, joint: JointState, scratch: KnownPriorScratch
+    known_count: int, measured: bool, joint: JointState, lane: int, scratch: KnownPriorScratch
 ) -> None:
     """Covariance of the other unknowns given the places, in units of their priors, and the derivative of
     their mean by the places."""
@@ -159,10 +190,10 @@ def _fill_conditional(
     for a in range(size):
         x = unknown_of_factor(places + a, known_count)
         for b in range(a + 1):
-            L[a, b] = joint.matrix[x, unknown_of_factor(places + b, known_count) * LANES]
+            L[a, b] = joint.matrix[x, unknown_of_factor(places + b, known_count) * LANES + lane]
         for b in range(places):
             v = unknown_of_factor(b, known_count)
-            G[a, b] = -joint.matrix[max(x, v), min(x, v) * LANES]
+            G[a, b] = -joint.matrix[max(x, v), min(x, v) * LANES + lane]
         C[a, a] = 1.0
     cholesky(L, size)
     cholesky_solve(L, size, G, places)
@@ -170,20 +201,20 @@ def _fill_conditional(
 
 
 @fused_kernel
-def _normal_force(block: np.ndarray) -> float:
-    """Of the contact in lane 0 [N]."""
-    return -dot(vector_of(block, NX, 0), vector_of(block, FX, 0))
+def _normal_force(block: np.ndarray, lane: int) -> float:
+    """Of the contact in a lane [N]."""
+    return -dot(vector_of(block, NX, lane), vector_of(block, FX, lane))
 
 
 @fused_kernel
-def _by_force(prior: Prior, block: np.ndarray) -> tuple[Vector, Vector, Vector, Vector]:
+def _by_force(prior: Prior, block: np.ndarray, lane: int) -> tuple[Vector, Vector, Vector, Vector]:
     """Derivatives of logarithm of the normal force, two friction ratios and torsion ratio of the contact in
-    lane 0 by its force, in units of their priors."""
-    n, f = vector_of(block, NX, 0), vector_of(block, FX, 0)
-    s, t = vector_of(block, SX, 0), vector_of(block, TX, 0)
-    F = _normal_force(block)
-    scale = 1.0 / (block[FRICTION_RATIO] * F)
-    p, q, r = dot(s, f) / F, dot(t, f) / F, block[TORSION] / (prior.torsion_lever * F * F)
+    a lane by its force, in units of their priors."""
+    n, f = vector_of(block, NX, lane), vector_of(block, FX, lane)
+    s, t = vector_of(block, SX, lane), vector_of(block, TX, lane)
+    F = _normal_force(block, lane)
+    scale = 1.0 / (block[FRICTION_RATIO + lane] * F)
+    p, q, r = dot(s, f) / F, dot(t, f) / F, block[TORSION + lane] / (prior.torsion_lever * F * F)
     return (
         (-n[0] / F, -n[1] / F, -n[2] / F),
         (scale * (s[0] + p * n[0]), scale * (s[1] + p * n[1]), scale * (s[2] + p * n[2])),
@@ -193,14 +224,16 @@ def _by_force(prior: Prior, block: np.ndarray) -> tuple[Vector, Vector, Vector, 
 
 
 @fused_kernel
-def _add_change(prior: Prior, drift: float, block: np.ndarray, at: int, scratch: KnownPriorScratch) -> None:
-    """Add the covariance of what has changed of the contact in lane 0: of its force, and of its torsion in
+def _add_change(
+    prior: Prior, drift: float, block: np.ndarray, lane: int, at: int, scratch: KnownPriorScratch
+) -> None:
+    """Add the covariance of what has changed of the contact in a lane: of its force, and of its torsion in
     proportion."""
-    by_force, C = _by_force(prior, block), scratch.covariance
+    by_force, C = _by_force(prior, block, lane), scratch.covariance
     for a in range(4):
         for b in range(4):
             C[at + a, at + b] += drift * drift * dot(by_force[a], by_force[b])
-    C[at + 3, at + 3] += (drift / _normal_force(block)) ** 2
+    C[at + 3, at + 3] += (drift / _normal_force(block, lane)) ** 2
 
 
 @fused_kernel
@@ -218,10 +251,20 @@ def _fill_conditional_factor(known_count: int, scratch: KnownPriorScratch) -> No
 
 @fused_kernel
 def _expand(
-    prior: Prior, block: np.ndarray, U: np.ndarray, size: int, known_count: int, i: int, out: np.ndarray
+    prior: Prior,
+    block: np.ndarray,
+    U: np.ndarray,
+    sizes: tuple[int, int, int],
+    out: np.ndarray,
+    lanes: tuple[int, int],
 ) -> None:
-    """Rows of known contact i, which is in lane 0, by its point, force, torsion and offset; in all lanes."""
-    s, t, by_force = vector_of(block, SX, 0), vector_of(block, TX, 0), _by_force(prior, block)
+    """Rows of a known contact by its point, force, torsion and offset.
+
+    `sizes`: numbers of rows and of known contacts, and which it is. `lanes`: its lane, the first one to be
+    filled, and the one after the last.
+    """
+    (size, known_count, i), (lane, end) = sizes, lanes
+    s, t, by_force = vector_of(block, SX, lane), vector_of(block, TX, lane), _by_force(prior, block, lane)
     v, c = PLACES * i, PLACES * known_count + OTHERS * i
     for r in range(size):
         numbers = r * KNOWN_NUMBERS
@@ -231,11 +274,11 @@ def _expand(
                 for a in range(4):
                     force += U[r, c + a] * by_force[a][k]
             place = U[r, v] * s[k] + U[r, v + 1] * t[k]
-            for j in range(LANES):
+            for j in range(lane, end):
                 out[(numbers + k) * LANES + j], out[(numbers + 3 + k) * LANES + j] = place, force
         torsion, offset = 0.0, 0.0
         if size > PLACES * known_count:
-            torsion = U[r, c + 3] / (prior.torsion_lever * _normal_force(block))
-            offset = U[r, c + 4] / block[OFFSET_STEP]
-        for j in range(LANES):
+            torsion = U[r, c + 3] / (prior.torsion_lever * _normal_force(block, lane))
+            offset = U[r, c + 4] / block[OFFSET_STEP + lane]
+        for j in range(lane, end):
             out[(numbers + 6) * LANES + j], out[(numbers + 7) * LANES + j] = torsion, offset

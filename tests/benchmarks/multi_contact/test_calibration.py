@@ -1,12 +1,20 @@
 """Calibration of several contacts: answers that are drawn from what they state are calibrated."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
+from click.testing import CliRunner
 
 from contactsense import Contact, Explanation
 from contactsense.benchmarks.accuracy.static_cases import Noise
-from contactsense.benchmarks.multi_contact.calibration import Verdict, summarize, verdict
+from contactsense.benchmarks.multi_contact.calibration import (
+    Verdict,
+    calibration_several,
+    summarize,
+    verdict,
+)
+from contactsense.benchmarks.multi_contact.measure import localizer_for
 
 SPREAD = 0.004
 NORMAL = np.array([0.0, 0.0, 1.0])
@@ -56,3 +64,20 @@ def test_the_nearest_explanation_is_the_true_one() -> None:
     points = np.array([[0.0, 0.0, 0.0], [0.509, 0.0, 0.0]])
     assert not verdict((SETS[0], near), np.array([2, 4]), points, True).answer[1]
     assert verdict((near, SETS[0]), np.array([2, 4]), points, True).answer[1]
+
+
+def test_sensors_and_the_change_of_held_forces_can_be_chosen() -> None:
+    scene = localizer_for("ur5e", Noise(0.05, 0.01, 0.3), sensors="torques").scene
+    assert scene.base_wrench is None
+    assert scene.joint_torque is not None
+    arguments = ["--robot", "ur5e", "--trials", "10", "--arriving", "forces held", "--json"]
+    results = [
+        json.loads(CliRunner().invoke(calibration_several, [*arguments, *more]).stdout)
+        for more in ((), ("--sensors", "torques"), ("--drift", "10"))
+    ]
+    for rows in results:
+        assert [row["noise"]["torque"] for row in rows] == [0.0, 0.3, 1.0, 3.0]
+        assert all(row["earlier"] is not None for row in rows[:3])
+    everything, torques, changed = ([row["median_mm"] for row in rows[:3]] for rows in results)
+    assert sum(torques) > 2.0 * sum(everything)
+    assert changed != everything

@@ -65,6 +65,18 @@ def test_trials_push_where_they_are_told(links: str) -> None:
             assert torque[j] == pytest.approx(-trial.screw[j] @ seen)
 
 
+def test_a_force_that_changes_stays_in_the_friction_cone() -> None:
+    trials = Trials(SCENE, seed=3)
+    push = trials.draw(1, 20.0, "different", "cone").pushes[0]
+    changed = np.array([trials.changed(push, 10.0, "cone").force for _ in range(200)])
+    normal_force = -changed @ push.normal
+    across = np.linalg.norm(changed + normal_force[:, None] * push.normal, axis=1)
+    assert (across <= SCENE.friction * normal_force).all()
+    assert np.std(normal_force) > 5.0
+    near = np.array([trials.changed(push, 0.01, "normal").force for _ in range(200)])
+    np.testing.assert_allclose(near, np.broadcast_to(push.force, near.shape), atol=0.05)
+
+
 QUIET = Scene(
     robot=plain_ur5e(),
     base_wrench=WrenchSensor(force_noise=0.05, moment_noise=0.01),

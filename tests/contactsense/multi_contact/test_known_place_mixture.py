@@ -11,13 +11,12 @@ from contactsense.multi_contact.buffers import (
     empty_multi_contact_buffers,
 )
 from contactsense.multi_contact.joint_covariance import fill_covariances
-from contactsense.multi_contact.known_place_mixture import COMPONENT_WIDTH, COMPONENTS, divide_known_places
+from contactsense.multi_contact.known_place_mixture import divide_known_places
 from contactsense.multi_contact.known_prior import fill_known_prior
 from contactsense.multi_contact.known_rows import Change, KnownRows
 from contactsense.multi_contact.ranked_sets import store_explanation
 from contactsense.multi_contact.set_evidence import known_evidence
 from contactsense.robots import Link, Robot
-from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.primitives import Box, Primitive
 from contactsense.robots.vectors import Vector
 from contactsense.runtime.constants import Constants, build_constants
@@ -27,13 +26,6 @@ from tests.plain_arm import plain_ur5e
 
 DEVIATION = 0.015
 """Standard deviation of the known place along the surface [m]."""
-
-
-def test_the_mixture_has_the_mean_and_covariance_of_a_standard_normal_distribution() -> None:
-    assert COMPONENTS.shape == (LANES, 2)
-    np.testing.assert_allclose(COMPONENTS.mean(axis=0), 0.0, atol=1e-12)
-    second = COMPONENTS.T @ COMPONENTS / LANES + COMPONENT_WIDTH**2 * np.eye(2)
-    np.testing.assert_allclose(second, np.eye(2), atol=1e-12)
 
 
 class _Known:
@@ -60,17 +52,17 @@ class _Known:
         known.primitive[0], known.point[0], known.force[0] = 0, point, (0.0, 0.0, -20.0)
         known.covariance[0] = DEVIATION**2 * np.diag(spread)
 
-    def place(self) -> np.ndarray:
+    def place(self, drift: float = np.inf) -> np.ndarray:
         """The only explanation's covariance of the place after it has been divided, shape (3, 3) [m^2]."""
         constants, buffers, joint = self.constants, self.buffers, self.buffers.joint
-        surfaces, prior, change = constants.surfaces, constants.prior, Change(np.inf, measured=True)
+        surfaces, prior, change = constants.surfaces, constants.prior, Change(drift, measured=True)
         known: KnownRows = fill_known_prior(
             self.surface, prior, buffers.rows, 0, buffers.known, 1, change, joint, buffers.known_prior
         )
         known_evidence(surfaces, prior, buffers.rows, known, joint)
         fill_covariances(1, joint)
         store_explanation(joint, 0, 1, 0.0, buffers.explanations, 0)
-        divide_known_places(self.surface, prior, buffers, 0, known, 1)
+        divide_known_places(self.surface, prior, buffers, 0, 1, change, 1)
         return np.array(buffers.explanations.covariance[0, 0])
 
 
@@ -101,3 +93,16 @@ def test_a_place_near_an_edge_may_be_on_the_next_primitive() -> None:
     assert covariance[0, 0] == pytest.approx(np.mean(x * x), rel=0.1)
     assert covariance[2, 2] == pytest.approx(np.mean(height**2), rel=0.2)
     assert covariance[0, 2] == pytest.approx(np.mean(x * height), rel=0.2)
+
+
+@pytest.mark.parametrize("drift", [0.5, np.inf])
+def test_a_place_that_may_be_on_the_far_side_is_on_both_sides(drift: float) -> None:
+    """A plate as thick as the standard deviation along the normal. Along that the place is more uncertain
+    than the surface that is nearest to places drawn as stated, and less than stated."""
+    thick = 0.02
+    plate = Box(center=(0.3, 0.3, 0.3), half=(0.15, 0.15, 0.5 * thick), rounding=0.001)
+    spread = (1.0, 1.0, (thick / DEVIATION) ** 2)
+    covariance = _Known((plate,), (0.3, 0.3, 0.3 + 0.5 * thick), spread).place(drift)
+    height = np.where(thick * np.random.default_rng(0).standard_normal(100_000) < -0.5 * thick, -thick, 0.0)
+    assert np.mean(height**2) < covariance[2, 2] < thick**2
+    np.testing.assert_allclose(covariance[:2, :2], DEVIATION**2 * np.eye(2), rtol=0.05, atol=1e-6)
