@@ -334,12 +334,15 @@ def calibration_several(
 
 
 def _plain(summary: Summary) -> dict[str, Any]:
-    return summary._asdict() | {
+    plain = summary._asdict() | {
         "noise": summary.noise._asdict(),
         "answer": summary.answer.as_json(),
         "earlier": None if np.isnan(summary.earlier.found) else summary.earlier._asdict(),
         "last": summary.last._asdict(),
     }
+    if summary.counted == 0.0:
+        plain |= dict.fromkeys(("answer", "earlier", "last", "listed", "median_mm"))
+    return plain
 
 
 def _print_summary(results: Sequence[Summary], what: str) -> None:
@@ -358,6 +361,13 @@ def _print_summary(results: Sequence[Summary], what: str) -> None:
     for name in ("trials", "counted", "answer", "earlier", "last", "listed", "median"):
         table.add_column(name, justify="right", no_wrap=True)
     for r in results:
+        judged = (
+            "{:.1f} ({:.1f}, {:.1f}) %".format(*(100.0 * x for x in r.answer[:3])),
+            "" if np.isnan(r.earlier.found) else str(r.earlier),
+            str(r.last),
+            f"{100 * r.listed:.1f} %",
+            f"{r.median_mm:.1f}",
+        )
         table.add_row(
             r.robot,
             str(r.noise),
@@ -365,11 +375,7 @@ def _print_summary(results: Sequence[Summary], what: str) -> None:
             r.arriving,
             str(r.samples),
             f"{100 * r.counted:.1f} %",
-            "{:.1f} ({:.1f}, {:.1f}) %".format(*(100.0 * x for x in r.answer[:3])),
-            "" if np.isnan(r.earlier.found) else str(r.earlier),
-            str(r.last),
-            f"{100 * r.listed:.1f} %",
-            f"{r.median_mm:.1f}",
+            *(judged if r.counted > 0.0 else ()),
         )
     Console(width=160).print(table)
 
