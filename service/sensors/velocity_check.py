@@ -18,10 +18,13 @@ MEMORY = 0.25
 """Time constant with which differences and movements are forgotten [s]."""
 MOVEMENT = 0.005
 """Each movement this long [rad] is compared with the integral of its velocity. In the packets named above the
-two differ by at most 14 % of it."""
+two differ by at most 13 % of it."""
+MOVEMENT_TIME = 0.03
+"""Each such movement takes this time at least [s]: time stamps of a host that is up to 10 ms late make the
+integral wrong by two thirds of it."""
 WRONG = 0.8
 """They contradict each other if they differ by more than this share, as with a velocity of zero. Velocities
-that are 10 ms late differ by as much where a movement begins with 16 rad/s^2."""
+that are 8 ms late do not, not even where a movement begins or ends with 40 rad/s^2."""
 RIGHT = 0.25
 """They agree if they differ by less than this share."""
 AGREED = 4
@@ -49,6 +52,8 @@ class VelocityCheck:
         self._new = np.zeros((3, joints))
         self._recent = np.zeros((3, joints))
         self._movement = np.zeros((3, joints))
+        self._time = np.zeros(joints)
+        """How long each movement has taken so far [s]."""
         self._doubted = np.zeros(joints, dtype=bool)
         self._agreed = np.zeros(joints, dtype=int)
 
@@ -64,6 +69,7 @@ class VelocityCheck:
         if before is None or not 0.0 < t - before[0] <= LONGEST_STEP:
             self._recent[:] = 0.0
             self._movement[:] = 0.0
+            self._time[:] = 0.0
             return False
         step = t - before[0]
         change, integral, difference = self._new
@@ -77,6 +83,7 @@ class VelocityCheck:
         np.subtract(change, integral, out=difference)
         difference -= np.minimum(np.maximum(difference, -unknown), unknown)
         self._movement += self._new
+        self._time += step
         self._recent *= math.exp(-step / MEMORY)
         self._recent += self._new
         np.minimum(self._recent, LARGEST_DIFFERENCE, out=self._recent)
@@ -87,8 +94,10 @@ class VelocityCheck:
         """Whether a velocity is wrong, or doubted while its joint moves."""
         wrong = np.abs(self._recent[2]) > LARGE_DIFFERENCE
         sizes = np.abs(self._movement)
-        if sizes[:2].max() >= MOVEMENT:
-            wrong |= self._compare(np.maximum(sizes[0], sizes[1]), sizes[2])
+        lengths = np.maximum(sizes[0], sizes[1])
+        complete = (lengths >= MOVEMENT) & (self._time >= MOVEMENT_TIME)
+        if complete.any():
+            wrong |= self._compare(complete, sizes[2] / np.maximum(lengths, MOVEMENT))
         if wrong.any():
             self._agreed[wrong] = 0
             self._doubted |= wrong
@@ -98,13 +107,16 @@ class VelocityCheck:
         moves = np.abs(self._recent[:2]).max(axis=0) > REST
         return bool((self._doubted & moves).any())
 
-    def _compare(self, sizes: np.ndarray, differences: np.ndarray) -> np.ndarray:
-        """Compare the movements that are complete, and begin the next: which contradict their velocities."""
-        complete = sizes >= MOVEMENT
+    def _compare(self, complete: np.ndarray, shares: np.ndarray) -> np.ndarray:
+        """Take the movements that are complete, and begin the next: which contradict their velocities.
+
+        `shares`: by how much a movement and the integral of its velocity differ.
+        """
         self._movement[:, complete] = 0.0
-        agree = complete & (differences < RIGHT * sizes)
+        self._time[complete] = 0.0
+        agree = complete & (shares < RIGHT)
         self._agreed = np.where(agree, self._agreed + 1, np.where(complete, 0, self._agreed))
         believed = self._doubted & (self._agreed >= AGREED)
         self._doubted &= ~believed
         self._recent[2, believed] = 0.0
-        return complete & (differences > WRONG * sizes)
+        return complete & (shares > WRONG)

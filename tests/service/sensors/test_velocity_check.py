@@ -109,7 +109,7 @@ def test_a_wrong_velocity_is_not_believed_when_the_arm_moves_again(name: str, be
     assert (moved > 3.0 * AGREED * MOVEMENT).all()
 
 
-@pytest.mark.parametrize(("late", "acceleration"), [(0.03, 1.0), (0.01, 10.0), (0.005, 40.0)])
+@pytest.mark.parametrize(("late", "acceleration"), [(0.03, 1.0), (0.01, 20.0), (0.008, 40.0)])
 def test_velocities_of_a_filter_are_believed(late: float, acceleration: float) -> None:
     check, step = VelocityCheck(1), 0.002
     speed = position = filtered = 0.0
@@ -121,3 +121,15 @@ def test_velocities_of_a_filter_are_believed(late: float, acceleration: float) -
         position += 0.5 * step * (before + speed)
         filtered += step / (late + step) * (speed - filtered)
         assert not check.contradict(t, np.array([position]), np.array([filtered]))
+
+
+@pytest.mark.parametrize("late", [0.002, 0.005, 0.01])
+@pytest.mark.parametrize("rate", [100, 500])
+def test_velocities_are_believed_where_a_host_stamps_the_samples_late(late: float, rate: int) -> None:
+    """Samples that arrive while it is busy have nearly the same stamp."""
+    check, rng = VelocityCheck(6), np.random.default_rng(0)
+    stamp = -1.0
+    for t in np.arange(0.0, 20.0, 1.0 / rate):
+        q, qd = _motion(t)
+        stamp = max(t + late * rng.random() ** 4, stamp + 1e-4)
+        assert not check.contradict(stamp, q, qd)
