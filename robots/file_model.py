@@ -38,6 +38,8 @@ def _marked(value: Any) -> Any:
     """A value with the truth values in it marked."""
     if isinstance(value, list | tuple):
         return [_marked(part) for part in value]
+    if isinstance(value, dict):
+        return {key: _marked(part) for key, part in value.items()}
     return _TruthValue(value) if isinstance(value, bool) else value
 
 

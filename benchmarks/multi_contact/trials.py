@@ -137,7 +137,7 @@ class Trials:
         size = float(np.linalg.norm(push.force))
         if drift is None:
             return replace(push, force=self._force(push.normal, size, direction))
-        while True:
+        while True:  # until it is in the cone, as the push itself is
             force = push.force + drift * self._rng.standard_normal(3)
             normal_force = -float(force @ push.normal)
             across = float(np.linalg.norm(force + normal_force * push.normal))

@@ -125,7 +125,7 @@ def _place_components(
     surface: PlacedSurface, prior: Prior, buffers: MultiContactBuffers, known_count: int, i: int
 ) -> None:
     """Put the known contacts into all lanes, at fixed places, contact i in the middle of another component in
-    each. In lane 0 they are as stated before."""
+    each. Before the call, lane 0 holds them as stated."""
     joint, known, scratch = buffers.joint, buffers.known, buffers.known_prior
     point, C, block = vector(known.point[i]), known.covariance[i], joint.contact[i]
     s, t, n = vector_of(block, SX, 0), vector_of(block, TX, 0), vector_of(block, NX, 0)

@@ -113,7 +113,7 @@ def fill_rows(
     scratch: KnownPriorScratch,
     lanes: tuple[int, int],
 ) -> int:
-    """Rows of what is known of the contacts in one lane.
+    """Fill the rows of what is known of the contacts, which are in one lane.
 
     Args:
         prior, known_count, change: As for `fill_known_prior`.
@@ -122,7 +122,8 @@ def fill_rows(
         joint: With the contacts; if forces are held also with the Gauss-Newton matrix of the earlier sample.
             `known_rows` is filled.
         scratch: Filled.
-        lanes: The lane of the contacts, the first one to be filled, and the one after the last.
+        lanes: The lane of the contacts, which is also the first one to be filled, and the one after the last
+            to be filled.
 
     Returns:
         Number of rows.
@@ -260,8 +261,8 @@ def _expand(
 ) -> None:
     """Rows of a known contact by its point, force, torsion and offset.
 
-    `sizes`: numbers of rows and of known contacts, and which it is. `lanes`: its lane, the first one to be
-    filled, and the one after the last.
+    `sizes`: numbers of rows and of known contacts, and which it is. `lanes`: as for
+    `fill_rows`.
     """
     (size, known_count, i), (lane, end) = sizes, lanes
     s, t, by_force = vector_of(block, SX, lane), vector_of(block, TX, lane), _by_force(prior, block, lane)

@@ -37,7 +37,7 @@ _TEXTS = {
     "frozen": "{field}: the controller repeats the same reading while the arm moves; it is left out: is the "
     "sensor stuck, or slower than 100 Hz?",
     "stuck": "{field}[{channel}]: this value stays the same while the others change; the whole reading is "
-    "left out: is that channel of the sensor broken?",
+    "left out: is that channel broken, or at the end of its range?",
     "zero": "{field}: the reading is exactly zero in all components; it is left out: is the sensor on?",
 }
 
@@ -52,7 +52,7 @@ class PushedReadings:
     def __init__(self, scene: Scene) -> None:
         self._recent = RecentCounts()
         self._robot = RobotCheck(np.array([joint.velocity_limit for joint in scene.robot.joints]))
-        self._velocities = VelocityCheck(len(scene.robot.joints))
+        self._velocities = VelocityCheck(len(scene.robot.joints), late=0.03)
         lengths = {"joint_torque": len(scene.robot.joints)}
         lengths |= dict.fromkeys(("base_wrench", *scene.link_sensors), 6)
         self._repeats = {name: RepeatCheck() for name in lengths}

@@ -134,7 +134,7 @@ class LiveSource:
         self._torque_limit = _TORQUE_SCALE * np.array([joint.torque_limit for joint in scene.robot.joints])
         self._period = 1.0 / settings.frequency
         self._robot_check = RobotCheck(np.array([joint.velocity_limit for joint in scene.robot.joints]))
-        self._velocity_check = VelocityCheck(len(scene.robot.joints))
+        self._velocity_check = VelocityCheck(len(scene.robot.joints), late=0.01)
         self._seen = replace(self._robot.health)
         self._unusable = 0
         self._without_wrench = 0

@@ -109,9 +109,9 @@ class NetworkWrench:
 
     def at(self, record: RobotRecord) -> Aligned:
         """The reading at the instant of a packet, after waiting for it."""
-        if self._is_sparse:
-            # Each of the few readings would serve several samples, whose errors then are the same: that looks
-            # like a contact.
+        if self._is_sparse or self._aligner.is_late:
+            # Each of few readings would serve several samples, whose errors then are the same: that looks
+            # like a contact. Late readings are older than they seem.
             return Aligned(None, math.inf)
         deadline = record.arrival_ns + int(self._wait * NS)
         while not self._aligner.covers(record.timestamp):

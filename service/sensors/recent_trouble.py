@@ -51,10 +51,11 @@ _OF_SENSOR = {
     "frozen": "the force/torque sensor repeats the same reading; its readings are left out: restart it (a "
     "simulator without noise needs --constant-readings)",
 }
-"""The same of each force/torque sensor."""
+"""Problems of one force/torque sensor; the message begins with its field of the scene."""
 _STUCK = (
     "{field}[{channel}]: this value stays the same while the others change; the whole reading is left out: "
-    "is that channel of the sensor broken? (A simulator without noise needs --constant-readings)"
+    "is that channel broken, or at the end of its range? (A simulator without noise needs "
+    "--constant-readings)"
 )
 _SHARES = {
     "lost": "up to {share:.0%} of the robot's packets were lost within a second; check the network and the "
@@ -65,7 +66,6 @@ _SHARES = {
     "late ones are ignored",
 }
 _LACKING = "up to {share:.0%} of the samples within a second lack the force/torque reading"
-
 _READINGS_LOST = (
     "up to {share:.0%} of the readings within a second were lost on their way from the force/torque sensor; "
     "the others are left out: check its network"

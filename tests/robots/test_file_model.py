@@ -18,6 +18,7 @@ from contactsense.service.reactions.rules import ReactionRules
         ("base_wrench: {force_noise: yes}", "base_wrench.force_noise: expected a number, got true"),
         ("joint_torque: {noise: [1, 1, off, 1, 1, 1]}", r"noise\[2\]: expected a number, got false"),
         ("gravity: on", "gravity: expected a number, got true"),
+        ("link_prior: {base: 1.0, shoulder: yes}", "shoulder: expected a number, got true"),
         ("contacts: true", "contacts: expected a whole number, got true"),
         ("tool: {mass: true}", "tool.mass: expected a number, got true"),
         (

@@ -132,15 +132,19 @@ def test_a_robot_clock_that_stood_still_is_learned_anew(monkeypatch: pytest.Monk
     assert box.run(1.0) == 1.0
 
 
-def test_late_readings_are_left_out_until_they_are_in_time_again(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("late", [0.007, 0.02])
+def test_late_readings_are_left_out_until_they_are_in_time_again(
+    monkeypatch: pytest.MonkeyPatch, late: float
+) -> None:
+    """Also those that would not be too late for their samples."""
     box = Box(monkeypatch)
     box.run(6.0)
-    box.late = 0.02
+    box.late = late
     assert box.run(100.0) < 0.01
     assert box.recent.totals(time.monotonic())[SensorEvent("base_wrench", "late")] > 400
     box.late = 0.0
     box.queue.clear()  # what was on its way is lost
-    box.run(0.05)
+    box.run(0.6)  # which a whole block of arrivals shows
     assert box.run(1.0) == 1.0
 
 
@@ -154,7 +158,8 @@ def test_lost_readings_are_counted(monkeypatch: pytest.MonkeyPatch, lost: int, r
         box.health.received += received
     counts = box.recent.totals(time.monotonic())
     share = counts[SensorEvent("base_wrench", "lost")] / (counts[SensorEvent("base_wrench", "received")] or 1)
-    assert share == pytest.approx(0.0 if lost == 10**6 else lost / received)
+    # The window of a real second may begin between the two counts of a tenth of it.
+    assert share == pytest.approx(0.0 if lost == 10**6 else lost / received, rel=0.2)
 
 
 def test_nothing_is_used_while_most_readings_are_lost(monkeypatch: pytest.MonkeyPatch) -> None:

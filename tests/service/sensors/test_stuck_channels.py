@@ -140,3 +140,14 @@ def test_no_motor_current_of_a_real_arm_is_stuck() -> None:
             judged += told(copy.deepcopy(check), stuck, False)[-1] == tuple(range(joint + 1))
     assert count > 70_000
     assert judged >= 6 * 8
+
+
+@pytest.mark.parametrize("decimals", [16, 9, 6])
+def test_smooth_values_of_a_simulator_at_rest_are_no_noise(decimals: int) -> None:
+    """Its arm settles, or something pushes it with a varying force; then a torque is constant."""
+    check, t = StuckChannels(6, from_start=True), 0.002 * np.arange(5000)[:, None]
+    settling = np.exp(-t) * np.sin(3.0 * t + np.arange(6))
+    pushed = 10.0 + np.sin(2.0 * t) * np.arange(1, 7)
+    pushed[2500:, 2] = 0.0
+    for readings in (settling, pushed):
+        assert not any(told(check, np.round(readings, decimals), True))
