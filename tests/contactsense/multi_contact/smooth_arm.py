@@ -12,7 +12,8 @@ from contactsense.multi_contact.buffers import (
     PlacedSurface,
     empty_multi_contact_buffers,
 )
-from contactsense.multi_contact.contact_step import set_contact
+from contactsense.multi_contact.contact_step import set_contact, vector_of
+from contactsense.multi_contact.joint_layout import FX, PX
 from contactsense.multi_contact.measurement_rows import Variances, fill_measurement_rows
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.primitives import Capsule, Ellipsoid, Primitive, Sphere
@@ -101,3 +102,16 @@ def take(case: Case, trial: Trial, shift: float, seed: int) -> int:
 def _distance(case: Case, p: int, point: np.ndarray) -> float:
     local = case.state.candidates.rotation[p].T @ (point - case.state.candidates.origin[p])
     return float(project(case.constants.surfaces.kind[p], case.constants.surfaces.size[p], *local)[0])
+
+
+def draw_known(case: Case, count: int) -> tuple[Trial, int]:
+    """Contacts and their measurement; they are also the known ones, but for the covariances of their places.
+    The trial, and the number of rows."""
+    trial = case.trials.draw(count, 20.0, "different", "cone")
+    m = take(case, trial, 0.0, count)
+    joint, known = case.buffers.joint, case.buffers.known
+    for i, push in enumerate(trial.pushes):
+        block = joint.contact[i]
+        known.primitive[i], known.torsion[i] = joint.primitive[i, 0], push.torsion
+        known.point[i], known.force[i] = vector_of(block, PX, 0), vector_of(block, FX, 0)
+    return trial, m

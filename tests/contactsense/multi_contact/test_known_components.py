@@ -9,13 +9,13 @@ from scipy.optimize import minimize
 
 from contactsense.multi_contact.buffers import KNOWN_NUMBERS
 from contactsense.multi_contact.contact_step import set_contact, vector_of
-from contactsense.multi_contact.joint_layout import FX, NX, OFFSET_STEP, PX, SX, TX
+from contactsense.multi_contact.joint_layout import NX, OFFSET_STEP, PX, SX, TX
 from contactsense.multi_contact.known_components import COMPONENT_WIDTH, COMPONENTS, fill_component_priors
 from contactsense.multi_contact.known_prior import fill_known_prior
 from contactsense.multi_contact.known_rows import Change
 from contactsense.robots.jit.lanes import LANES
 from contactsense.solvers.posterior import STUDENT_DOF, Prior
-from tests.contactsense.multi_contact.smooth_arm import Case, empty_case, take
+from tests.contactsense.multi_contact.smooth_arm import Case, draw_known, empty_case
 
 ALONG, ACROSS = 0.02, 0.01
 """Standard deviations of the known place along the surface and along its normal [m]."""
@@ -29,16 +29,11 @@ def case() -> Case:
 
 def _know(case: Case, count: int) -> int:
     """Contacts that are known broadly, and their measurement. Number of rows."""
-    trial = case.trials.draw(count, 20.0, "different", "cone")
-    m = take(case, trial, 0.0, count)
-    joint, known = case.buffers.joint, case.buffers.known
-    for i, push in enumerate(trial.pushes):
-        block = joint.contact[i]
-        known.primitive[i], known.torsion[i] = joint.primitive[i, 0], push.torsion
-        known.point[i], known.force[i] = vector_of(block, PX, 0), vector_of(block, FX, 0)
-        s, t, n = (np.array(vector_of(block, axis, 0)) for axis in (SX, TX, NX))
+    _, m = draw_known(case, count)
+    for i in range(count):
+        s, t, n = (np.array(vector_of(case.buffers.joint.contact[i], axis, 0)) for axis in (SX, TX, NX))
         along = np.outer(s, s) + np.outer(t, t)
-        known.covariance[i] = ALONG**2 * along + ACROSS**2 * np.outer(n, n)
+        case.buffers.known.covariance[i] = ALONG**2 * along + ACROSS**2 * np.outer(n, n)
     return m
 
 

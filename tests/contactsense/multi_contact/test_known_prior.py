@@ -13,7 +13,6 @@ from contactsense.multi_contact.joint_layout import (
     JACOBIAN,
     MOMENT_PRIOR,
     NX,
-    PX,
     SX,
     TORSION,
     TX,
@@ -22,7 +21,7 @@ from contactsense.multi_contact.joint_optimization import take_rows
 from contactsense.multi_contact.known_prior import fill_known_prior
 from contactsense.multi_contact.known_rows import Change, KnownRows
 from contactsense.robots.jit.lanes import LANES
-from tests.contactsense.multi_contact.smooth_arm import Case, empty_case, take
+from tests.contactsense.multi_contact.smooth_arm import Case, draw_known, empty_case
 
 PLACE, OTHER = [4, 5], [0, 1, 2, 3, 6]
 """Unknowns of a contact."""
@@ -50,14 +49,9 @@ def _matrix(case: Case, m: int, known: KnownRows, count: int) -> np.ndarray:
 
 def _contacts(case: Case, count: int) -> int:
     """Contacts and their measurement; they are also the known ones. Number of rows."""
-    trial = case.trials.draw(count, 20.0, "different", "cone")
-    m = take(case, trial, 0.0, count)
-    joint, known = case.buffers.joint, case.buffers.known
+    trial, m = draw_known(case, count)
     for i, push in enumerate(trial.pushes):
-        block = joint.contact[i]
-        known.primitive[i], known.torsion[i] = joint.primitive[i, 0], push.torsion
-        known.point[i], known.force[i] = vector_of(block, PX, 0), vector_of(block, FX, 0)
-        block[TORSION : TORSION + LANES] = push.torsion
+        case.buffers.joint.contact[i, TORSION : TORSION + LANES] = push.torsion
     return m
 
 

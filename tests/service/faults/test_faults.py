@@ -27,7 +27,8 @@ from contactsense.service.mock.servers import MockServers, MockSettings
 from contactsense.service.mock.simulated_arm import simulate
 from contactsense.service.mock.wire_faults import Fault
 from tests.service import http
-from tests.service.faults.wire import ROBOT_FAULTS, SENSOR_FAULTS, NetFtProxy, RtdeProxy
+from tests.service.faults.robot_proxy import ROBOT_FAULTS, RtdeProxy
+from tests.service.faults.sensor_proxy import SENSOR_FAULTS, NetFtProxy
 
 # On a computer without time the mock is late as well, and no fault could be told from that.
 pytestmark = [pytest.mark.slow, pytest.mark.realtime, pytest.mark.timeout(600)]

@@ -12,40 +12,15 @@ from contactsense.service.mock.controller import Controller
 from contactsense.service.mock.netft_server import NetFtServer
 from contactsense.service.mock.newton_euler import link_poses
 from contactsense.service.mock.playback import Playback, PlaybackWrench
-from contactsense.service.mock.servers import MockServers, MockSettings
-from contactsense.service.mock.wire_faults import Fault
+from contactsense.service.mock.servers import MockServers
 from contactsense.service.sensors.live_source import LiveSource, SourceSettings
 from contactsense.service.sensors.network_wrench import WrenchSource
 from contactsense.service.sensors.robot_stream import SensorError
 from contactsense.service.sensors.signal_mapping import WrenchMap
 from contactsense.service.wire.recipe import RtdeFieldError
-from tests.service.loopback import SmallFeed, own_address, until
+from tests.service.loopback import own_address, until
+from tests.service.sensors.mock_source import FEED, MOCK, SCENE, WRENCH, collect, settings_for
 from tests.service.ur_rtde import ur_rtde_installed
-
-SECONDS = np.arange(5000) / 500.0
-# Each component grows by 1 a second: an error of the value is an error of the instant.
-WRENCH = SECONDS[:, None] + np.arange(6)
-FEED = SmallFeed(base_wrench=WRENCH)
-SCENE = Scene(robot="ur5e")
-MOCK = MockSettings(rtde_port=0, netft_port=0, http_port=0)
-
-
-def settings_for(servers, **changes):
-    changes = {"wrench_rate": 1000.0} | changes
-    return SourceSettings(
-        servers.rtde.host,
-        servers.rtde.port,
-        wrench_host=servers.netft.host,
-        wrench_port=servers.netft.port,
-        wrench_http_port=servers.netft.http_port,
-        **changes,
-    )
-
-
-def collect(source, n):
-    samples = []
-    assert until(lambda: samples.extend(source.poll(0.1)) or len(samples) >= n), source.health
-    return samples
 
 
 def with_wrench(source, n):
@@ -272,81 +247,6 @@ def test_readings_beyond_the_range_are_no_readings():
         assert until(lambda: source.poll(0.1) and "beyond its range" in source.health.trouble)
         assert until(lambda: (got := source.poll(0.1)) and got[-1].base_wrench is None)
         assert all(sample.base_wrench is None for sample in collect(source, 20))
-
-
-def test_numbers_that_are_none():
-    with MockServers(FEED, MOCK) as servers, LiveSource(SCENE, settings_for(servers)) as source:
-        collect(source, 10)
-        servers.rtde.fault = Fault.NAN
-        assert until(lambda: source.poll(0.1) == [] and source.health.unusable > 10)
-        servers.rtde.fault = Fault.NONE
-        assert collect(source, 10)
-
-
-def test_each_value_of_the_torques_is_used_once():
-    torque = FEED.joint_torque[np.arange(FEED.n) // 3 * 3]  # a signal that is three times slower
-    with (
-        MockServers(FEED, MOCK, fields={"actual_current_as_torque": torque}) as servers,
-        LiveSource(SCENE, settings_for(servers)) as source,
-    ):
-        samples = collect(source, 60)
-    given = [tuple(sample.joint_torque) for sample in samples if sample.joint_torque is not None]
-    assert len(set(given)) == len(given) == pytest.approx(len(samples) / 3, abs=2)
-    assert "torques" not in source.health.trouble
-
-
-def test_torques_that_are_exactly_zero_are_left_out_at_once():
-    torque = FEED.joint_torque.copy()
-    torque[::10] = 0.0
-    with (
-        MockServers(FEED, MOCK, fields={"actual_current_as_torque": torque}) as servers,
-        LiveSource(SCENE, settings_for(servers)) as source,
-    ):
-        samples = collect(source, 100)
-        assert "torques are exactly zero" in source.health.trouble
-    for sample in samples:
-        assert (sample.joint_torque is None) == (round(sample.t * 500) % 10 == 0)
-
-
-def test_a_joint_whose_current_is_stuck_is_named_and_the_torques_are_left_out():
-    """While the arm rests, the controller's own target currents stay the same."""
-    current = np.random.default_rng(0).standard_normal((FEED.n, 6))
-    current[1200:1400, 4] = 0.0  # a busy computer has connected before, and seen the noise
-    fields = {"actual_q": np.ones(6), "actual_qd": np.zeros(6), "actual_current": current}
-    fields["target_current"] = np.zeros(6)
-    signal = JointTorqueSensor(signal="actual_current_minus_target", torque_constants=TORQUE_CONSTANTS)
-    scene = Scene(robot="ur5e", joint_torque=signal, base_wrench=None)
-    told = set()
-    with (
-        MockServers(FEED, MOCK, fields=fields) as servers,
-        LiveSource(scene, SourceSettings(servers.rtde.host, servers.rtde.port)) as source,
-    ):
-        samples = []
-
-        def past() -> bool:
-            samples.extend(source.poll(0.1))
-            told.add(source.health.trouble.partition(":")[0])
-            return bool(samples) and samples[-1].t > 3.0
-
-        assert until(past)
-        assert until(lambda: source.poll(0.1) and source.health.trouble == "")
-    assert "joint_torque[4]" in told
-    for sample in samples:
-        row = round(500 * sample.t)
-        if 1208 <= row < 1400:
-            assert sample.joint_torque is None
-        elif not 1204 <= row < 1400:
-            assert sample.joint_torque is not None
-
-
-def test_velocities_that_no_joint_reaches():
-    fields = {"actual_qd": np.full(6, 1e300)}
-    with (
-        MockServers(FEED, MOCK, fields=fields) as servers,
-        LiveSource(SCENE, settings_for(servers)) as source,
-    ):
-        assert until(lambda: source.poll(0.1) == [] and source.health.unusable > 10)
-        assert "velocities far beyond what its joints can do" in source.health.trouble
 
 
 def test_nobody_there_then_somebody():

@@ -1,0 +1,33 @@
+"""Settings and samples of a `LiveSource` that the mock feeds."""
+
+import numpy as np
+
+from contactsense.scene import Scene
+from contactsense.service.mock.servers import MockSettings
+from contactsense.service.sensors.live_source import SourceSettings
+from tests.service.loopback import SmallFeed, until
+
+SECONDS = np.arange(5000) / 500.0
+# Each component grows by 1 a second: an error of the value is an error of the instant.
+WRENCH = SECONDS[:, None] + np.arange(6)
+FEED = SmallFeed(base_wrench=WRENCH)
+SCENE = Scene(robot="ur5e")
+MOCK = MockSettings(rtde_port=0, netft_port=0, http_port=0)
+
+
+def settings_for(servers, **changes):
+    changes = {"wrench_rate": 1000.0} | changes
+    return SourceSettings(
+        servers.rtde.host,
+        servers.rtde.port,
+        wrench_host=servers.netft.host,
+        wrench_port=servers.netft.port,
+        wrench_http_port=servers.netft.http_port,
+        **changes,
+    )
+
+
+def collect(source, n):
+    samples = []
+    assert until(lambda: samples.extend(source.poll(0.1)) or len(samples) >= n), source.health
+    return samples
