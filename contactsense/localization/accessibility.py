@@ -21,7 +21,7 @@ from contactsense.localization.simd_neighbourhood import (
 )
 from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces, out_of_reach, project
-from contactsense.robots.vectors import add_scaled, scale, tangents, vector
+from contactsense.robots.vectors import add_scaled, dot, scale, tangents, vector
 from contactsense.solvers.posterior import Prior
 
 CLEARANCE_SIGMAS = 3.9
@@ -185,8 +185,8 @@ def apply_accessibility(
     """Condition a candidate on being accessible.
 
     The candidate's score is lowered by the log of the accessible share of its neighbourhood; its point and
-    covariance become those of that share. If the score cannot exceed `min_score`, it becomes -infinity at
-    once. `frame`: body frame of the candidate's primitive, see
+    covariance become those of that share, the point unless the force would pull there. If the score cannot
+    exceed `min_score`, it becomes -infinity at once. `frame`: body frame of the candidate's primitive, see
     `contactsense.localization.candidate_buffers.store_candidate`.
     """
     distance, max_deviation, v11, v12, v22, near = clearance_above(
@@ -237,9 +237,17 @@ def apply_accessibility(
         R[0, 1] * dx + R[1, 1] * dy + R[2, 1] * dz,
         R[0, 2] * dx + R[1, 2] * dy + R[2, 2] * dz,
     )
+    normal = (
+        R[0, 0] * kx + R[0, 1] * ky + R[0, 2] * kz,
+        R[1, 0] * kx + R[1, 1] * ky + R[1, 2] * kz,
+        R[2, 0] * kx + R[2, 1] * ky + R[2, 2] * kz,
+    )
+    if dot(vector(candidates.force[row]), normal) >= 0.0:
+        # Around an edge, where the force would pull.
+        return
     for i in range(3):
         c[i] = o[i] + R[i, 0] * lx + R[i, 1] * ly + R[i, 2] * lz
-        n[i] = R[i, 0] * kx + R[i, 1] * ky + R[i, 2] * kz
+        n[i] = normal[i]
 
 
 @fused_kernel

@@ -26,6 +26,8 @@ class SurfaceCells(NamedTuple):
     """Most probable torsion there [Nm]."""
     weight: Annotated[Floats, "cells"]
     """Weight in the candidate that is being built, relative to its first cell; 0 for the cells of others."""
+    members: Annotated[Floats, "4, cells"]
+    """Cells of that candidate: displacement x, y, z from its posterior mode, link frame [m], and weight."""
     wrench: Annotated[Floats, "6"]
     """Fused wrench in the frame of one link [N, Nm]."""
     information: Annotated[Floats, "6, 6"]

@@ -1,10 +1,11 @@
-"""The best of a reading's candidates: a cell and its surroundings, whose place is the mode or the mean."""
+"""The best of a reading's candidates: a cell and its surroundings, at their mode or densest place."""
 
 import math
 
 import numpy as np
 
-from contactsense.localization.surface_search import NARROW_POSTERIOR_CELLS
+from contactsense.localization.mean_shift import mean_shift
+from contactsense.localization.surface_candidate import NARROW_POSTERIOR_CELLS
 from contactsense.robots.jit.kernel import kernel
 from contactsense.surface_map.places import Places
 
@@ -20,6 +21,7 @@ def best_candidates(
     variance: np.ndarray,
     reach: np.ndarray,
     to_mode: np.ndarray,
+    members: np.ndarray,
     best_link: np.ndarray,
     best_point: np.ndarray,
 ) -> None:
@@ -33,6 +35,7 @@ def best_candidates(
         variance: As in `contactsense.surface_map.cell_evidence.CellEvidence`, shape (C,) [m^2].
         reach: Distance within which cells belong to a candidate, shape (C,) [m].
         to_mode: Step from each cell to the most probable place near it, shape (C, 2, K) [m].
+        members: Scratch, shape (4, C).
         best_link: Filled with the link of each answer, -1 without, shape (K,), int64.
         best_point: Filled with its place, shape (K, 3) [m].
     """
@@ -52,7 +55,7 @@ def best_candidates(
             x += tangents[first, 0, 0] * u + tangents[first, 0, 1] * v
             y += tangents[first, 1, 0] * u + tangents[first, 1, 1] * v
             z += tangents[first, 2, 0] * u + tangents[first, 2, 1] * v
-            total = square = mx = my = mz = sx = sy = sz = 0.0
+            count, total, square, mx, my, mz = 0, 0.0, 0.0, 0.0, 0.0, 0.0
             for c in range(len(link)):
                 px, py, pz = point[c]
                 apart = (px - x) ** 2 + (py - y) ** 2 + (pz - z) ** 2
@@ -62,10 +65,12 @@ def best_candidates(
                 total += weight
                 mx, my, mz = mx + weight * px, my + weight * py, mz + weight * pz
                 square += weight * (px * px + py * py + pz * pz + variance[c])
-                a, b = weight * step[c, 0, k], weight * step[c, 1, k]
-                sx += tangents[c, 0, 0] * a + tangents[c, 0, 1] * b
-                sy += tangents[c, 1, 0] * a + tangents[c, 1, 1] * b
-                sz += tangents[c, 2, 0] * a + tangents[c, 2, 1] * b
+                a, b = step[c, 0, k], step[c, 1, k]
+                members[0, count] = px + tangents[c, 0, 0] * a + tangents[c, 0, 1] * b
+                members[1, count] = py + tangents[c, 1, 0] * a + tangents[c, 1, 1] * b
+                members[2, count] = pz + tangents[c, 2, 0] * a + tangents[c, 2, 1] * b
+                members[3, count] = weight
+                count += 1
                 evidence[k, c] = -math.inf
             if top + math.log(total) <= best:
                 continue
@@ -75,5 +80,5 @@ def best_candidates(
             if square / total - (mx * mx + my * my + mz * mz) < narrow:
                 best_point[k, 0], best_point[k, 1], best_point[k, 2] = x, y, z
             else:
-                best_point[k, 0], best_point[k, 1] = mx + sx / total, my + sy / total
-                best_point[k, 2] = mz + sz / total
+                place = mean_shift(members[:, :count], (mx, my, mz))
+                best_point[k, 0], best_point[k, 1], best_point[k, 2] = place

@@ -1,20 +1,20 @@
 """Answers that the localizer is expected to give for a push, where the place is open.
 
 Where noise moves the answer by a centimetre and more, the surface is not flat on that scale: links end, have
-edges and another side, and the answer is a mean over the surface or jumps between several modes. A
+edges and another side, and the answer is the densest place of many or jumps between several modes. A
 covariance does not describe this. So the posterior of the surface's cells is integrated as the localizer
 does (`contactsense.localization.surface_search`), with the linear evidence of
 `contactsense.surface_map.cell_evidence`, for the readings of `contactsense.surface_map.noise_points`: the
 best cell and its surroundings are the candidate, its place is the mode if the posterior is narrow and else
-the mean, and the candidate with the highest evidence is the answer.
+that of `contactsense.localization.mean_shift`, and the candidate with the highest evidence is the answer.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
+from contactsense.localization.surface_candidate import MERGE_DISTANCE, MERGE_SIGMAS
 from contactsense.localization.surface_evidence import MAX_SUBDIVIDED, SUBDIVIDE_WITHIN
-from contactsense.localization.surface_search import MERGE_DISTANCE, MERGE_SIGMAS
 from contactsense.surface_map.best_candidates import best_candidates
 from contactsense.surface_map.cell_evidence import EXPECTED, CellEvidence, posterior, subset
 from contactsense.surface_map.places import Places
@@ -60,6 +60,7 @@ def _answers(of: CellEvidence, noisy: np.ndarray) -> Answers:
         of.variance,
         np.maximum(MERGE_DISTANCE, MERGE_SIGMAS * of.deviation),
         of.gain @ noisy.T - of.gain @ of.projection[:, EXPECTED, :, None],
+        np.empty((4, len(of.variance))),
         link,
         point,
     )

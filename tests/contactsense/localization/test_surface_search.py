@@ -1,6 +1,7 @@
 """The search over the surface returns points on the surface."""
 
 import math
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -39,6 +40,34 @@ def test_every_candidate_lies_on_the_surface(sensors: str) -> None:
             assert abs(np.linalg.norm(contact.normal_base) - 1.0) < 1e-9
             assert np.linalg.eigvalsh(contact.covariance).min() > -1e-12
     assert count > len(TRUTH.q)
+
+
+@pytest.mark.parametrize("detail", ["fine", "coarse"])
+@pytest.mark.parametrize("sensors", ["torques", "base", "all"])
+@pytest.mark.parametrize("level", [0.1, 1.0, 4.0])
+def test_every_candidate_is_pushed(sensors: str, detail: Literal["fine", "coarse"], level: float) -> None:
+    scene = Scene(
+        robot="ur5e",
+        detail=detail,
+        base_wrench=None
+        if sensors == "torques"
+        else WrenchSensor(force_noise=0.25 * level, moment_noise=0.05 * level),
+        joint_torque=None if sensors == "base" else JointTorqueSensor(noise=level),
+    )
+    localizer, rng = Localizer(scene), np.random.default_rng(3)
+    count = 0
+    for q, wrench, torque in zip(TRUTH.q, TRUTH.base_wrench, TRUTH.torque, strict=True):
+        noisy = torque + level * rng.standard_normal(6)
+        estimate = localizer.locate(
+            q,
+            base_wrench=None if sensors == "torques" else wrench,
+            joint_torque=None if sensors == "base" else noisy,
+            detect=False,
+        )
+        for contact in estimate.contacts:
+            count += 1
+            assert contact.force_base @ contact.normal_base < 0.0
+    assert count > len(TRUTH.q) / 2
 
 
 def test_a_pure_moment_is_handled_without_warnings() -> None:

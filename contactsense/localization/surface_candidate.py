@@ -1,0 +1,291 @@
+"""One candidate of the search over the surface: a cluster of cells, its place, force and covariance.
+
+The candidate begins at its best cell. Cells near the posterior mode there belong to it. A narrow posterior is
+represented by its mode. A wide one is not normal: it is flat up to the ends of the link, or curved around it,
+so that its mean has little probability, or lies inside of the link. Its place is where its cells are densest
+(`contactsense.localization.mean_shift`), and its force is the most probable one there.
+"""
+
+import math
+
+import numpy as np
+
+from contactsense.isolation.link_hypotheses import Hypotheses
+from contactsense.kinematics.exponential import exponential
+from contactsense.kinematics.model import Motion
+from contactsense.kinematics.spatial import Six
+from contactsense.kinematics.wrench_information import to_body_frame
+from contactsense.localization.candidate_buffers import Candidates, rotate_into, store_candidate
+from contactsense.localization.ellipse_scale import ellipse_scale
+from contactsense.localization.laplace_evidence import find_modes
+from contactsense.localization.local_prior import DeviationCells, nearest_cell, prior_in_cell, tilt_in_cell
+from contactsense.localization.mean_shift import mean_shift
+from contactsense.localization.mean_surface import mean_frame
+from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
+from contactsense.localization.surface_cells import SurfaceCells
+from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.robots.surface.convex_primitives import Surfaces, project
+from contactsense.robots.surface.union import nearest
+from contactsense.robots.vectors import Vector, add, dot, rotate, rotate_back, subtract, vector
+from contactsense.solvers.posterior import Contact, Prior, pushing_force
+from contactsense.solvers.posterior_mode import find_posterior_mode
+
+from contactsense.localization.simd_layout import (  # isort: skip
+    CHI, FX, FY, FZ, NX, NY, NZ, SPREAD, X, Y, Z,
+)  # fmt: skip
+
+MERGE_DISTANCE = 0.04
+"""Cells within this distance of a candidate's point belong to the candidate [m]."""
+MERGE_SIGMAS = 3.0
+"""Cells within this many standard deviations belong to it, too."""
+MAX_PROJECTIONS = 8
+"""Maximum number of projections onto the surface of a link's union of primitives."""
+SURFACE_TOLERANCE = 1e-7
+"""Points inside the surface by less than this count as on it [m]."""
+NARROW_POSTERIOR_CELLS = 2.0
+"""A posterior narrower than this many cells is represented by its mode (standard deviations).
+
+What follows from so few cells depends on where they happen to lie.
+"""
+FIXED_SPREAD = 1e-4
+"""Standard deviation of a place that is fixed [m]."""
+LEAST_LOG_WEIGHT = -40.0
+"""Least log of the weight of a cell in its candidate, as far as it is computed: none."""
+
+
+@fused_kernel
+def build_candidate(
+    scene: SearchedSurface,
+    motion: Motion,
+    hypotheses: Hypotheses,
+    prior: Prior,
+    arrays: SearchArrays,
+    rows: int,
+    s: int,
+    row: int,
+    tolerance: float,
+) -> None:
+    """Build the candidate in row `row` from cell s: its posterior mode, of that tolerance of the energy,
+    merged with the cells that belong to it."""
+    surfaces, depth = scene.surfaces, scene.depth
+    buffers, cells, candidates = arrays
+    p = cells.primitive[s]
+    link = surfaces.link[p]
+    w, L = candidates.wrench[p], candidates.information[p]
+    R, o = motion.rotation[depth[link]], motion.origin[depth[link]]
+    place = rotate_back(surfaces.rotation[p], subtract(vector(cells.point[s]), vector(surfaces.origin[p])))
+    cell = nearest_cell(scene.deviations, p, place[0], place[1], place[2])
+    frame = mean_frame(scene.deviations, candidates, p, cell)
+    to_body_frame(hypotheses.wrench[link], hypotheses.information[link], frame[0], frame[1], w, L)
+    point, normal = _project(surfaces, p, frame, add(rotate(R, vector(cells.point[s])), vector(o)))
+    force = rotate_back(frame[0], rotate(R, vector(cells.force[s])))
+    start = Contact(point, normal, pushing_force(force, normal), cells.torsion[s])
+    local = prior_in_cell(prior, scene.deviations, cell)
+    mode = find_posterior_mode(
+        surfaces.kind, surfaces.size, cells.primitive[s : s + 1], w, L, local, start, buffers.block, tolerance
+    )
+    tilt = tilt_in_cell(prior, scene.deviations, cell)
+    store_candidate(candidates, row, p, frame, mode, local.surface_deviation, tilt)
+    max_variance = max(mode.variances[0], mode.variances[2])
+    x, y, z = (
+        candidates.point[row, 0] - o[0],
+        candidates.point[row, 1] - o[1],
+        candidates.point[row, 2] - o[2],
+    )
+    kx = R[0, 0] * x + R[1, 0] * y + R[2, 0] * z
+    ky = R[0, 1] * x + R[1, 1] * y + R[2, 1] * z
+    kz = R[0, 2] * x + R[1, 2] * y + R[2, 2] * z
+    converged = mode.log_evidence > -math.inf
+    merge_radius = (
+        max(MERGE_DISTANCE, MERGE_SIGMAS * math.sqrt(max_variance)) if converged else MERGE_DISTANCE
+    )
+    members, total, mean, C = _merge_cells(surfaces, cells, rows, s, (kx, ky, kz), merge_radius)
+    candidates.score[row] = total
+    # For a narrow posterior the mode is more accurate than what follows from the cells' tangent planes.
+    narrow = converged and C[0] + C[3] + C[5] < 2.0 * (NARROW_POSTERIOR_CELLS * cells.spread[s]) ** 2
+    shift = (0.0, 0.0, 0.0) if narrow else mean_shift(cells.members[:, :members], mean)
+    point = _project_onto_link(
+        surfaces, scene.deviations, candidates, row, link, (R, o), add((kx, ky, kz), shift)
+    )
+    if not narrow or not _pushes(candidates, row):
+        nearest_row = _nearest_cell(cells, rows, point, rotate_back(R, vector(candidates.normal[row])))
+        force = rotate(R, vector(cells.force[nearest_row]))
+        if dot(force, vector(candidates.normal[row])) >= 0.0:
+            # No cell is on the face that is nearest, as at a thin edge.
+            place = vector(cells.point[nearest_row])
+            point = _project_onto_link(surfaces, scene.deviations, candidates, row, link, (R, o), place)
+        _fit_force(hypotheses, link, (R, o), prior, point, cells, candidates, row)
+    dx, dy, dz = point[0] - kx, point[1] - ky, point[2] - kz
+    # Second moments about the new point.
+    C = (
+        C[0] - 2.0 * mean[0] * dx + dx * dx,
+        C[1] - mean[0] * dy - mean[1] * dx + dx * dy,
+        C[2] - mean[0] * dz - mean[2] * dx + dx * dz,
+        C[3] - 2.0 * mean[1] * dy + dy * dy,
+        C[4] - mean[1] * dz - mean[2] * dy + dy * dz,
+        C[5] - 2.0 * mean[2] * dz + dz * dz,
+    )
+    if not narrow:
+        f = ellipse_scale(cells, rows, point, rotate_back(R, vector(candidates.normal[row])), C)
+        C = (f * C[0], f * C[1], f * C[2], f * C[3], f * C[4], f * C[5])
+    _set_covariance(candidates, row, R, C, local.surface_deviation)
+
+
+@fused_kernel
+def _pushes(candidates: Candidates, row: int) -> bool:
+    """Whether a candidate's force pushes on the surface at its place."""
+    return dot(vector(candidates.force[row]), vector(candidates.normal[row])) < 0.0
+
+
+@fused_kernel
+def _fit_force(
+    hypotheses: Hypotheses,
+    link: int,
+    pose: tuple[np.ndarray, np.ndarray],
+    prior: Prior,
+    point: Vector,
+    cells: SurfaceCells,
+    candidates: Candidates,
+    row: int,
+) -> None:
+    """Give a candidate the most probable force and torsion of a contact at its place. `pose`: of the link;
+    `point`: the place, link frame [m]."""
+    (R, o), block = pose, cells.mode_block
+    w, P = hypotheses.wrench[link], hypotheses.covariance[link]
+    to_body_frame(w, hypotheses.information[link], R, o, cells.wrench, cells.information)
+    block[X], block[Y], block[Z] = point
+    block[NX], block[NY], block[NZ] = rotate_back(R, vector(candidates.normal[row]))
+    block[SPREAD] = FIXED_SPREAD
+    find_modes(
+        1, cells.wrench, cells.information, prior, math.sqrt(P[0, 0] + P[1, 1] + P[2, 2]), math.inf, block
+    )
+    f = rotate(R, (block[FX], block[FY], block[FZ]))
+    candidates.torsion[row] = -block[CHI] * dot(f, vector(candidates.normal[row]))
+    candidates.force[row, 0], candidates.force[row, 1], candidates.force[row, 2] = f
+
+
+@fused_kernel
+def _project_onto_link(
+    surfaces: Surfaces,
+    deviations: DeviationCells,
+    candidates: Candidates,
+    row: int,
+    link: int,
+    pose: tuple[np.ndarray, np.ndarray],
+    start: Vector,
+) -> Vector:
+    """Move a candidate to the point of the link's mean surface nearest to `start`, link frame [m]; returns
+    that. `pose`: of the link."""
+    R, o = pose
+    p, point, normal = -1, start, (0.0, 0.0, 0.0)
+    for _ in range(MAX_PROJECTIONS):
+        # At a concave edge, the surface of one primitive may lie inside another.
+        distance, p, point, normal = nearest(surfaces, surfaces.start[link], surfaces.start[link + 1], point)
+        if distance > -SURFACE_TOLERANCE:
+            break
+    candidates.primitive[row] = p
+    rotate_into(R, normal[0], normal[1], normal[2], candidates.normal[row])
+    rotate_into(R, point[0], point[1], point[2], candidates.point[row])
+    for i in range(3):
+        candidates.point[row, i] += o[i]
+    if deviations.displacement[p] > 0.0:
+        local = rotate_back(surfaces.rotation[p], subtract(point, vector(surfaces.origin[p])))
+        cell = nearest_cell(deviations, p, local[0], local[1], local[2])
+        frame = mean_frame(deviations, candidates, p, cell)
+        point, normal = _project(surfaces, p, frame, add(rotate(R, start), vector(o)))
+        rotate_into(frame[0], point[0], point[1], point[2], candidates.point[row])
+        rotate_into(frame[0], normal[0], normal[1], normal[2], candidates.normal[row])
+        for i in range(3):
+            candidates.point[row, i] += frame[1][i]
+        point = rotate_back(R, subtract(vector(candidates.point[row]), vector(o)))
+    return point
+
+
+@fused_kernel
+def _project(
+    surfaces: Surfaces, p: int, frame: tuple[np.ndarray, np.ndarray], point: Vector
+) -> tuple[Vector, Vector]:
+    """Point on primitive p nearest to `point`, base frame, and the outward normal there, in the primitive's
+    body frame `frame`."""
+    x, y, z = rotate_back(frame[0], subtract(point, vector(frame[1])))
+    _, px, py, pz, nx, ny, nz = project(surfaces.kind[p], surfaces.size[p], x, y, z)
+    return (px, py, pz), (nx, ny, nz)
+
+
+@fused_kernel
+def _merge_cells(
+    surfaces: Surfaces, cells: SurfaceCells, rows: int, s: int, centre: Vector, radius: float
+) -> tuple[int, float, Vector, Six]:
+    """Merge cell s and the cells of its link within `radius` [m] of `centre`; they are marked as used, and
+    listed in `cells.members`.
+
+    Returns:
+        Number of members; log of the total evidence; mean displacement from the centre [m]; and second
+        moments about it (xx, xy, xz, yy, yz, zz) [m^2], link frame.
+    """
+    link = surfaces.link[cells.primitive[s]]
+    top = cells.score[s]
+    members, (x, y, z) = 0, centre
+    mx, my, mz = 0.0, 0.0, 0.0
+    total, xx, xy, xz, yy, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(rows):
+        cells.weight[i] = 0.0
+        if cells.score[i] == -math.inf or surfaces.link[cells.primitive[i]] != link:
+            continue
+        dx, dy, dz = cells.point[i, 0] - x, cells.point[i, 1] - y, cells.point[i, 2] - z
+        if i != s and dx * dx + dy * dy + dz * dz > radius * radius:
+            continue
+        weight = exponential(max(cells.score[i] - top, LEAST_LOG_WEIGHT))
+        cells.score[i], cells.weight[i] = -math.inf, weight
+        cells.members[0, members], cells.members[1, members], cells.members[2, members] = dx, dy, dz
+        cells.members[3, members] = weight
+        members += 1
+        n, v = cells.normal[i], cells.variance[i]
+        total += weight
+        mx += weight * dx
+        my += weight * dy
+        mz += weight * dz
+        xx += weight * (dx * dx + v * (1.0 - n[0] * n[0]))
+        xy += weight * (dx * dy - v * n[0] * n[1])
+        xz += weight * (dx * dz - v * n[0] * n[2])
+        yy += weight * (dy * dy + v * (1.0 - n[1] * n[1]))
+        yz += weight * (dy * dz - v * n[1] * n[2])
+        zz += weight * (dz * dz + v * (1.0 - n[2] * n[2]))
+    moments = (xx / total, xy / total, xz / total, yy / total, yz / total, zz / total)
+    return members, top + math.log(total), (mx / total, my / total, mz / total), moments
+
+
+@fused_kernel
+def _nearest_cell(cells: SurfaceCells, rows: int, point: Vector, normal: Vector) -> int:
+    """Row of the candidate's cell that is nearest to a point in position and normal, link frame.
+
+    A normal that differs by 90 degrees counts as the edge of a cell, as where cells are made
+    (`contactsense.localization.surface_samples`): the nearest cell around an edge has another force.
+    """
+    best, least = -1, math.inf
+    for i in range(rows):
+        if cells.weight[i] > 0.0:
+            d, squared_edge = (
+                subtract(vector(cells.point[i]), point),
+                12.0 * cells.spread[i] * cells.spread[i],
+            )
+            distance = dot(d, d) + squared_edge * (1.0 - dot(normal, vector(cells.normal[i])))
+            if distance < least:
+                best, least = i, distance
+    return best
+
+
+@fused_kernel
+def _set_covariance(
+    candidates: Candidates, row: int, R: np.ndarray, C: Six, surface_deviation: float
+) -> None:
+    """Covariance of a candidate's point from second moments C (link frame) and the surface deviation."""
+    n = candidates.normal[row]
+    for i in range(3):
+        a = R[i, 0] * C[0] + R[i, 1] * C[1] + R[i, 2] * C[2]
+        b = R[i, 0] * C[1] + R[i, 1] * C[3] + R[i, 2] * C[4]
+        c = R[i, 0] * C[2] + R[i, 1] * C[4] + R[i, 2] * C[5]
+        for k in range(3):
+            candidates.covariance[row, i, k] = (
+                a * R[k, 0] + b * R[k, 1] + c * R[k, 2] + surface_deviation * surface_deviation * n[i] * n[k]
+            )
