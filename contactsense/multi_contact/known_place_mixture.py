@@ -195,6 +195,7 @@ def _condition_on_access(
     for k in range(3):
         o[k] = block[OX + k * LANES + lane]
         candidates.point[ROW, k], candidates.normal[ROW, k] = point[k], normal[k]
+        candidates.force[ROW, k] = explanations.force[t, i, k]
         for b in range(3):
             R[k, b] = block[R00 + (3 * k + b) * LANES + lane]
             candidates.covariance[ROW, k, b] = C[k, b]
