@@ -35,7 +35,7 @@ from contactsense.service.sensors.live_source import LiveSource, SourceSettings
 from contactsense.service.sensors.network_wrench import WrenchSource
 from contactsense.service.sensors.robot_stream import SensorError
 
-_READERS = (
+READERS = (
     "ft_host", "ft_fields", "ft_port", "ft_http_port", "ft_counts", "robot_port", "robot_client",
     "wrist_fields", "link_wrenches", "constant_readings",
 )  # fmt: skip
@@ -333,7 +333,7 @@ class Settings(BaseModel):
         Raises:
             SettingsError: The scene requires a signal that these settings do not provide.
         """
-        readers = [name for name in _READERS if name in self.model_fields_set]
+        readers = [name for name in READERS if name in self.model_fields_set]
         if self.controllers.source == "push":
             if readers:
                 raise SettingsError(

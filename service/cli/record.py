@@ -17,7 +17,7 @@ from contactsense.service.api.settings import Settings, SettingsError
 from contactsense.service.cli.finite_range import FiniteRange
 from contactsense.service.cli.option_names import as_options
 from contactsense.service.cli.record_by_service import ended_by_signals, record_by_service
-from contactsense.service.cli.sensor_options import sensor_options
+from contactsense.service.cli.sensor_options import from_environment, sensor_options
 from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError, read
 from contactsense.service.recordings.export import export
 from contactsense.service.recordings.problem_lines import problem_lines
@@ -25,12 +25,6 @@ from contactsense.service.recordings.recorder import Recorder
 from contactsense.service.recordings.segment_writer import Rotation
 from contactsense.service.sensors.live_source import LiveSource
 from contactsense.service.sensors.robot_stream import SensorError
-
-_SOURCE = (
-    "scene", "robot", "robot_host", "robot_port", "robot_client", "robot_rate", "ft_host", "ft_port",
-    "ft_http_port", "ft_counts", "ft_fields",
-)  # fmt: skip
-"""Settings of the service that a recording needs too."""
 
 
 @click.command()
@@ -91,7 +85,7 @@ def record(
         if origin is not None:
             _convert(origin, out, given.get("scene"), columns)
             return
-        settings = Settings.checked({**_inherited(), **given}, "record", as_options())
+        settings = Settings.checked({**from_environment("scene", "robot"), **given}, "record", as_options())
         scene = settings.load_scene()
         opener = settings.open_source(scene)
         if opener is None:
@@ -115,11 +109,6 @@ def _refuse_others(mode: str, allowed: set[str]) -> None:
         source = ctx.get_parameter_source(option.name or "")
         if source is ParameterSource.COMMANDLINE and option.opts[0] != mode and option.name not in allowed:
             raise click.UsageError(f"{option.opts[0]} has no effect with {mode}: expected one of the two")
-
-
-def _inherited() -> dict[str, Any]:
-    known = Settings.from_environment().model_dump(exclude_unset=True)
-    return {name: value for name, value in known.items() if name in _SOURCE}
 
 
 def _run(live: LiveSource, recorder: Recorder, seconds: float | None, out: Path) -> None:

@@ -78,6 +78,20 @@ def test_a_robot_that_is_not_there_is_told_and_nothing_is_left(tmp_path: Path) -
     assert not list((tmp_path / "x").glob("*"))
 
 
+def test_sensors_without_an_option_are_those_of_the_environment(tmp_path: Path) -> None:
+    (tmp_path / "scene.yaml").write_text(
+        "{robot: ur5e, base_wrench: null, link_wrenches: [{name: elbow, link: forearm}]}"
+    )
+    arguments = ["--robot-host", "127.0.0.1", "--robot-port", "1", "--seconds", "0.5"]
+    arguments += ["--scene", str(tmp_path / "scene.yaml"), "--out", str(tmp_path / "x")]
+    result = CliRunner().invoke(record, arguments)
+    assert "link_wrenches.elbow: expected either" in result.output
+    fields = ",".join(f"output_double_register_{i}" for i in range(6))
+    variables = {"CONTACTSENSE_LINK_WRENCHES": f'{{"elbow": {{"fields": "{fields}"}}}}'}
+    result = CliRunner().invoke(record, arguments, env=variables)
+    assert "nothing was recorded: robot at 127.0.0.1:1" in result.output
+
+
 def test_without_an_address_it_says_what_is_missing(tmp_path: Path) -> None:
     result = CliRunner().invoke(record, ["--out", str(tmp_path)])
     assert result.exit_code == 1
