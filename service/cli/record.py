@@ -12,13 +12,14 @@ from click.core import ParameterSource
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
+from contactsense.calibration.free_motion import without_delays
 from contactsense.scene import Scene, SceneError
 from contactsense.service.api.settings import Settings, SettingsError
 from contactsense.service.cli.finite_range import FiniteRange
 from contactsense.service.cli.option_names import as_options
 from contactsense.service.cli.record_by_service import ended_by_signals, record_by_service
 from contactsense.service.cli.sensor_options import from_environment, sensor_options
-from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError, read
+from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError, read, scene_in
 from contactsense.service.recordings.export import export
 from contactsense.service.recordings.problem_lines import problem_lines
 from contactsense.service.recordings.recorder import Recorder
@@ -146,10 +147,11 @@ def _state(live: LiveSource, recorder: Recorder) -> str:
 
 
 def _convert(origin: Path, out: Path, scene_path: Path | None, columns: str | None) -> None:
-    scene = None if scene_path is None else Scene.load(scene_path)
-    recording = read(origin, scene, ColumnMapping.parse(columns))
+    scene = scene_in(origin) if scene_path is None else Scene.load(scene_path)
+    # What is written has the sensors' delays, too.
+    recording = read(origin, without_delays(scene), ColumnMapping.parse(columns))
     console = Console(stderr=True)
     for problem in problem_lines(recording.problems):
         console.print(f"{origin}: {problem}", highlight=False, soft_wrap=True)
-    export(recording, out)
+    export(recording, out, scene=scene)
     click.echo(f"{len(recording)} samples, {recording.seconds:.1f} s, written to {out}")
