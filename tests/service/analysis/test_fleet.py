@@ -70,6 +70,16 @@ def test_recordings_and_their_place_in_the_dataset(tmp_path: Path) -> None:
         find_recordings((_empty(tmp_path),))
 
 
+@pytest.mark.parametrize("out", ["data", "data/results", "data/robot=a"])
+def test_the_results_of_an_earlier_run_are_no_recordings(tmp_path: Path, out: str) -> None:
+    data, results = _dataset(tmp_path / "data"), tmp_path / out
+    before = find_recordings((data,), results)
+    for name in ("contacts/robot=a/date=unknown/part-0", "parts/1/a-0", "robots", "days"):
+        (results / name).parent.mkdir(parents=True, exist_ok=True)
+        (results / f"{name}.parquet").touch()
+    assert find_recordings((data,), results) == before
+
+
 def _empty(tmp_path: Path) -> Path:
     folder = tmp_path / "empty"
     folder.mkdir()
