@@ -83,7 +83,7 @@ def export(
         _write_table(recording.to_arrow().replace_schema_metadata(described), path)
         return
     try:
-        _mcap(recording, path, contacts)
+        _mcap(recording, path, contacts, in_base_axes=scene is None)
     except OSError as error:
         raise RecordingError(f"{path}: cannot write: {reason(error)}") from None
 
@@ -107,7 +107,9 @@ def _as_read(recording: Recording, scene: Scene) -> Recording:
     )
 
 
-def _mcap(recording: Recording, path: Path, contacts: Iterable[tuple[float, list[Contact]]]) -> None:
+def _mcap(
+    recording: Recording, path: Path, contacts: Iterable[tuple[float, list[Contact]]], *, in_base_axes: bool
+) -> None:
     try:
         from mcap_ros2.writer import Writer
     except ImportError as error:
@@ -125,15 +127,16 @@ def _mcap(recording: Recording, path: Path, contacts: Iterable[tuple[float, list
             stamp = round(1e9 * t)
             writer.write_message(topic, schema, message, log_time=stamp, publish_time=stamp)
 
-        links = ((f"/{column_of(field)}", values) for field, values in recording.link_values.items())
-        topics = (("/base_wrench", recording.base_wrench), *links)
+        links = ((column_of(field), values) for field, values in recording.link_values.items())
+        sensors = (("base_wrench", recording.base_wrench), *links)
         for i, t in enumerate(recording.t.tolist()):
             torque = None if recording.joint_torque is None else recording.joint_torque[i]
             message = joint_state(t, names, recording.q[i], recording.qd[i], torque)
             write("/joint_states", joints, message, t)
-            for topic, values in topics:
+            for sensor, values in sensors:
                 if values is not None and np.isfinite(values[i]).all():
-                    write(topic, wrenches, wrench_stamped(t, values[i]), t)
+                    frame = "base" if in_base_axes else sensor
+                    write(f"/{sensor}", wrenches, wrench_stamped(t, values[i], frame), t)
         for t, found in contacts:
             write("/contacts", scenes, scene_update(t, found), t)
         writer.finish()

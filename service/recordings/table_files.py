@@ -62,9 +62,10 @@ def open_table(path: Path) -> TableFile:
     try:
         if path.is_dir():
             return _ParquetFolder(path)
-        if path.suffix == ".parquet":
+        suffix = path.suffix.lower()  # some programs write names in capitals
+        if suffix == ".parquet":
             return _Parquet(path)
-        if path.suffix in (".arrow", ".arrows"):
+        if suffix in (".arrow", ".arrows"):
             return _ArrowStream(path)
         return _Csv(path)
     except (OSError, pa.ArrowException) as error:

@@ -115,10 +115,12 @@ def test_blanks_around_names_and_numbers_are_no_part_of_them(tmp_path: Path, del
     assert recording.problems == ()
 
 
-def test_a_packed_file_is_known_by_what_it_holds(tmp_path: Path) -> None:
+def test_packed_files_and_names_in_capitals(tmp_path: Path) -> None:
     found = columns()
     packed = as_gzip(tmp_path, found).rename(tmp_path / "a.csv")
     np.testing.assert_array_equal(read(packed, SCENE).q, table(found, "actual_q"))
+    capitals = as_parquet(tmp_path, found).rename(tmp_path / "A.PARQUET")
+    np.testing.assert_array_equal(read(capitals, SCENE).q, table(found, "actual_q"))
 
 
 @pytest.mark.parametrize("unit", ["ms", "us", "ns"])
