@@ -19,6 +19,7 @@ from contactsense.service.cli.finite_range import FiniteRange
 from contactsense.service.cli.option_names import as_options
 from contactsense.service.cli.record_by_service import ended_by_signals, record_by_service
 from contactsense.service.cli.sensor_options import from_environment, sensor_options
+from contactsense.service.cli.token_file import read_token
 from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError, read, scene_in
 from contactsense.service.recordings.export import export
 from contactsense.service.recordings.problem_lines import problem_lines
@@ -26,11 +27,13 @@ from contactsense.service.recordings.recorder import Recorder
 from contactsense.service.recordings.segment_writer import Rotation
 from contactsense.service.sensors.live_source import LiveSource
 from contactsense.service.sensors.robot_stream import SensorError
+from contactsense.service.viewer.service_calls import LiveError, ServiceCalls
 
 
 @click.command()
 @click.option("--out", type=click.Path(path_type=Path), help="Folder; with --from, a file.")
 @click.option("--url", help="Let this running service record into its own folder (serve --recordings DIR).")
+@click.option("--token-file", type=click.Path(path_type=Path), help="File with that service's token.")
 @click.option("--scene", type=click.Path(path_type=Path), help="Scene file (YAML).")
 @click.option("--robot", help="Robot to assume where there is no scene file.  [default: ur5e]")
 @sensor_options("Address of the robot's controller.")
@@ -53,6 +56,7 @@ from contactsense.service.sensors.robot_stream import SensorError
 def record(
     out: Path | None,
     url: str | None,
+    token_file: Path | None,
     fields: str,
     seconds: float | None,
     rotate_seconds: float,
@@ -73,14 +77,16 @@ def record(
         raise click.UsageError("record: expected either --out or --url")
     given = {name: value for name, value in source.items() if value is not None}
     if url is not None:
-        _refuse_others("--url", {"seconds"})
+        _refuse_others("--url", {"seconds", "token_file"})
     elif origin is not None:
         _refuse_others("--from", {"out", "scene", "columns"})
     elif columns is not None:
         raise click.UsageError("--columns is for --from, which is not given")
+    elif token_file is not None:
+        raise click.UsageError("--token-file is for --url, which is not given")
     try:
         if url is not None:
-            record_by_service(url, seconds)
+            record_by_service(ServiceCalls(url, read_token(token_file)), seconds)
             return
         assert out is not None
         if origin is not None:
@@ -99,7 +105,7 @@ def record(
         with contextlib.closing(LiveSource(scene, replace(parts, extra_fields=extra))) as live:
             live.observer = recorder
             _run(live, recorder, seconds, out)
-    except (SettingsError, SensorError, RecordingError, MappingError, SceneError) as error:
+    except (SettingsError, SensorError, RecordingError, MappingError, SceneError, LiveError) as error:
         raise click.ClickException(str(error)) from None
 
 
