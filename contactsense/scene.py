@@ -69,10 +69,10 @@ class SceneError(ValueError):
 
 
 def _as_robot(value: object) -> object:
-    if not isinstance(value, str | Robot):
+    if not isinstance(value, str | Path | Robot):
         what = "a name that `contactsense robots` lists, or the path of a URDF or YAML file"
         raise ValueError(f"expected {what}, got {value!r:.60}")
-    return robots.load(value) if isinstance(value, str) else value
+    return value if isinstance(value, Robot) else robots.load(value)
 
 
 def _reference(robot: Robot) -> str:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -50,6 +50,8 @@ class StaticLocalizer:
             raise TypeError(
                 f"scene: expected a Scene, as in Localizer(Scene(robot='ur5e')), got {scene!r:.60}"
             )
+        if method not in get_args(Method):
+            raise ValueError(f"method: expected one of {', '.join(get_args(Method))}, got {method!r:.60}")
         if method == "intrinsic" and (scene.base_wrench is None or scene.contacts > 1):
             raise ValueError(
                 "method: 'intrinsic' needs base_wrench and contacts: 1 in the scene, got "

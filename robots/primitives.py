@@ -7,9 +7,9 @@ the same shapes.
 """
 
 from math import dist, sqrt
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, PositiveFloat, model_validator
+from pydantic import Field, PositiveFloat, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from contactsense.robots.file_model import FileModel
 
@@ -17,7 +17,18 @@ Vector = tuple[float, float, float]
 Positive = tuple[PositiveFloat, PositiveFloat, PositiveFloat]
 
 
-class Sphere(FileModel):
+class _Shape(FileModel):
+    """What all primitives have."""
+
+    kind: str
+
+    @model_serializer(mode="wrap")
+    def _with_kind(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        # Without it, a file from which defaults are left out could not be read.
+        return {"kind": self.kind, **handler(self)}
+
+
+class Sphere(_Shape):
     """A ball."""
 
     kind: Literal["sphere"] = "sphere"
@@ -27,7 +38,7 @@ class Sphere(FileModel):
     """Radius [m]."""
 
 
-class Capsule(FileModel):
+class Capsule(_Shape):
     """All points within `radius` of the segment from `a` to `b`."""
 
     kind: Literal["capsule"] = "capsule"
@@ -45,7 +56,7 @@ class Capsule(FileModel):
         return self
 
 
-class Cylinder(FileModel):
+class Cylinder(_Shape):
     """A cylinder or truncated cone with flat caps and rounded rims.
 
     The caps lie in the planes through `a` and `b`, perpendicular to the axis a-b. `radius_a` and `radius_b`
@@ -91,7 +102,7 @@ class Cylinder(FileModel):
         return self
 
 
-class Ellipsoid(FileModel):
+class Ellipsoid(_Shape):
     """An ellipsoid with semi-axes `radii` along its own axes."""
 
     kind: Literal["ellipsoid"] = "ellipsoid"
@@ -103,7 +114,7 @@ class Ellipsoid(FileModel):
     """Semi-axes [m]."""
 
 
-class Box(FileModel):
+class Box(_Shape):
     """A box with rounded edges and corners."""
 
     kind: Literal["box"] = "box"

@@ -25,7 +25,8 @@ def read_document(path: Path) -> Any:
         RobotError: the file is missing, is xacro or SDF instead, or its links and joints are not one tree.
     """
     if not path.exists():
-        raise RobotError(f"{path}: no such file")
+        where = "" if path.is_absolute() else f" in {Path.cwd()}"
+        raise RobotError(f"{path}: no such file{where}")
     _check_kind(path)
     try:
         with _without_log():

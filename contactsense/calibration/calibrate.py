@@ -162,6 +162,8 @@ def _fit_without_contacts(
     bandwidth = start.scene.bandwidth
     contacts: tuple[SuspectedContact, ...] = ()
     stride = row_stride(recordings, bandwidth)
+    if settings.leave_out_contacts:
+        recordings = _as_the_scene_sees_them(start, recordings)
     for _ in range(_MAX_REFITS):
         fitted = _fit(start, recordings, selected, settings, progress)
         if not settings.leave_out_contacts:
@@ -180,6 +182,17 @@ def _fit_without_contacts(
         _check_rest(refined, contacts)
         recordings = refined
     return _fit(start, recordings, selected, settings, progress), recordings, contacts
+
+
+def _as_the_scene_sees_them(start: CalibrationModel, recordings: list[FreeMotion]) -> list[FreeMotion]:
+    """The recordings without what looks like a contact under the scene's own values, where enough is left.
+
+    A first fit to everything may lean so far towards pushes that it never finds them: where few joints move,
+    hardly anything else determines the parameters.
+    """
+    found = [suspected_contacts(start, recording, start.scene.bandwidth) for recording in recordings]
+    refined = [replace(r, free=free) for r, (free, _) in zip(recordings, found, strict=True)]
+    return refined if _enough_rest(refined) else recordings
 
 
 def _fit(
@@ -203,15 +216,20 @@ def _fit(
 
 def _check_rest(recordings: list[FreeMotion], contacts: tuple[SuspectedContact, ...]) -> None:
     """Refuse recordings with too little motion without contact."""
-    total = sum(recording.seconds for recording in recordings)
-    rest = sum(_usable_seconds(recording) for recording in recordings)
-    if rest < max(_MIN_SECONDS, _MIN_FREE * total):
+    if not _enough_rest(recordings):
+        total = sum(recording.seconds for recording in recordings)
+        rest = sum(_usable_seconds(recording) for recording in recordings)
         first = contacts[0]
         raise CalibrationError(
             f"{first.recording}: expected motion without contact, but something seems to push on the arm in "
             f"{total - rest:.1f} of {total:.1f} s, first at {first.start:.1f} s (row {first.first_row}); "
             "record again with nothing touching it"
         )
+
+
+def _enough_rest(recordings: list[FreeMotion]) -> bool:
+    total = sum(recording.seconds for recording in recordings)
+    return sum(map(_usable_seconds, recordings)) >= max(_MIN_SECONDS, _MIN_FREE * total)
 
 
 def _usable_seconds(recording: FreeMotion) -> float:

@@ -104,12 +104,11 @@ class SampleFields:
     def are_vectors(values: Readings) -> bool:
         """Whether kernels that are called directly take what `values` returns."""
         q, _, torque, base, _ = values
-        try:
-            return (
-                q.dtype is torque.dtype is base.dtype is _FLOAT and q.ndim == torque.ndim == base.ndim == 1
-            ) or _are_vectors(q, torque, base)
-        except AttributeError:
+        if not type(q) is type(torque) is type(base) is np.ndarray:  # a column of pandas is none, either
             return False
+        return (
+            q.dtype is torque.dtype is base.dtype is _FLOAT and q.ndim == torque.ndim == base.ndim == 1
+        ) or _are_vectors(q, torque, base)
 
     def checked(self, values: Readings) -> Readings:
         """What `values` returns as arrays of finite floats that the kernels accept.

@@ -15,6 +15,7 @@ from contactsense.service.analysis.assumptions import assumptions
 from contactsense.service.analysis.contact_summary import ContactSummary, millimetres
 from contactsense.service.analysis.force_limits import DISCLAIMER
 from contactsense.service.analysis.health import UNJUDGED, health, warning
+from contactsense.service.analysis.other_links import other_links
 from contactsense.service.analysis.summarize import Summarizer
 from contactsense.service.drawing.arm_scene import arm_geometry, arm_view, contact_view, view_script
 from contactsense.service.drawing.contact_shapes import ARROW_MEANING
@@ -79,16 +80,10 @@ def _content(analysis: Analysis) -> dict[str, Any]:
 
 def _contact(contact: ContactSummary, analysis: Analysis) -> dict[str, Any]:
     """One contact, with its numbers as text."""
-    names = analysis.scene.link_names
-    others = [
-        (names[i], float(p))
-        for i, p in enumerate(contact.link_probability)
-        if i != contact.link_index and p >= 0.01
-    ]
+    texts = other_links(analysis.scene.link_names, contact.link_index, contact.link_probability.tolist())
     none = 1.0 - float(np.sum(contact.link_probability))
     explained = contact.link_index >= 0
     tangential = _place_deviation(contact) if explained else None
-    texts = [f"{name} ({in_percent(p)})" for name, p in sorted(others, key=lambda item: -item[1])]
     if none >= 0.01:
         texts.append(f"no single push on a touchable link ({in_percent(none)})")
     return {

@@ -39,6 +39,33 @@ class AccessRules:
     https://panel.example."""
 
 
+def host_names(names: tuple[str, ...]) -> tuple[str, ...]:
+    """Host names as they are compared.
+
+    Raises:
+        ValueError: One is no name alone, and would never be equal to that of a request.
+    """
+    for name in names:
+        if set(name) & set("/:@ "):
+            raise ValueError(f"expected host names alone, such as panel.example, got {name!r:.80}")
+    return tuple(name for name in names if name)  # an empty variable means none
+
+
+def page_origins(origins: tuple[str, ...]) -> tuple[str, ...]:
+    """Origins as browsers send them.
+
+    Raises:
+        ValueError: One is no origin, and would never be equal to that of a request.
+    """
+    found = []
+    for origin in filter(None, origins):
+        parts = urlsplit(origin)
+        if parts.scheme not in ("http", "https") or not parts.netloc or parts.path.strip("/") or parts.query:
+            raise ValueError(f"expected origins such as https://panel.example, got {origin!r:.80}")
+        found.append(f"{parts.scheme}://{parts.netloc.lower()}")
+    return tuple(found)
+
+
 class Access:
     """ASGI middleware: answers 400 to a foreign Host, 403 to a foreign Origin, and 401 to a wrong token."""
 

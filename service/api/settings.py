@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import (
+    AfterValidator,
     BaseModel,
     BeforeValidator,
     ConfigDict,
@@ -21,7 +22,7 @@ from pydantic import (
 
 from contactsense.robots.field_errors import Place, joined
 from contactsense.scene import Scene, SceneError, describe
-from contactsense.service.api.access import AccessRules
+from contactsense.service.api.access import AccessRules, host_names, page_origins
 from contactsense.service.api.variables import PREFIX, from_json, read_variables
 from contactsense.service.controllers.push_source import PushSource
 from contactsense.service.controllers.settings import ControllerSettings
@@ -35,7 +36,7 @@ from contactsense.service.sensors.live_source import LiveSource, SourceSettings
 from contactsense.service.sensors.network_wrench import WrenchSource
 from contactsense.service.sensors.robot_stream import SensorError
 
-_READERS = (
+READERS = (
     "ft_host", "ft_fields", "ft_port", "ft_http_port", "ft_counts", "robot_port", "robot_client",
     "wrist_fields", "link_wrenches", "constant_readings",
 )  # fmt: skip
@@ -166,9 +167,9 @@ class Settings(BaseModel):
     """File with the private key for TLS (PEM)."""
     insecure_no_tls: bool = False
     """Whether to serve other computers without TLS."""
-    allowed_hosts: Names = ()
+    allowed_hosts: Annotated[Names, AfterValidator(host_names)] = ()
     """Host names under which the service is reached, in addition to localhost and IP addresses."""
-    allowed_origins: Names = ()
+    allowed_origins: Annotated[Names, AfterValidator(page_origins)] = ()
     """Origins of web pages, in addition to the service's own, that may use it, such as
     https://panel.example."""
     max_connections: PositiveInt = 200
@@ -333,7 +334,7 @@ class Settings(BaseModel):
         Raises:
             SettingsError: The scene requires a signal that these settings do not provide.
         """
-        readers = [name for name in _READERS if name in self.model_fields_set]
+        readers = [name for name in READERS if name in self.model_fields_set]
         if self.controllers.source == "push":
             if readers:
                 raise SettingsError(

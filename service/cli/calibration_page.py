@@ -29,6 +29,8 @@ _TITLES = {
 other parameters have a line each."""
 _CHANGED = 2.0
 """A parameter has changed if it moved by this many standard deviations."""
+_WRONG = 2.0
+"""A fit whose residual of any equation is this many times that of the scene has gone wrong."""
 _COMPONENTS = ("force x", "force y", "force z", "moment x", "moment y", "moment z")
 
 
@@ -150,6 +152,12 @@ def _meaning(found: Calibration, names: tuple[str, ...]) -> tuple[str, ...]:
 
 def _next_steps(found: Calibration, written: Path | None) -> tuple[str, ...]:
     steps = [warning for warning in found.warnings if not warning.endswith(": kept")]
+    known = np.isfinite(found.after.rms)
+    if (found.after.rms[known] > _WRONG * found.before.rms[known]).any():
+        steps.append(
+            "do not use this scene: the one before explains this motion better. Record more motion, such as "
+            "that of `contactsense excite`, or find the wrong line with `contactsense check`"
+        )
     if found.contacts:
         steps.append(
             "look at the stretches that were left out: a hand, a cable, a hard stop. If nothing was there, "

@@ -16,7 +16,7 @@ from contactsense.scene import Scene, SceneError
 from contactsense.service.api.settings import Settings, SettingsError
 from contactsense.service.cli.finite_range import FiniteRange
 from contactsense.service.cli.option_names import as_options
-from contactsense.service.cli.sensor_options import sensor_options
+from contactsense.service.cli.sensor_options import from_environment, sensor_options
 from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError
 from contactsense.service.recordings.free_motion import read_free_motion
 from contactsense.service.recordings.problem_lines import problem_lines
@@ -76,8 +76,8 @@ def check(
     Exit status: 0 nothing contradicts the scene, 1 something does, 2 the input cannot be used.
     """
     given = {name: value for name, value in source.items() if value is not None}
-    if bool(recordings) == ("robot_host" in given):
-        raise click.UsageError("check: expected either recordings or --robot-host")
+    if recordings and "robot_host" in given:
+        raise click.UsageError("check: expected either recordings or --robot-host, got both")
     if recordings and given:
         option = as_options()((next(iter(given)),))
         raise click.UsageError(f"{option} is for a live robot: expected it with --robot-host, not recordings")
@@ -88,7 +88,10 @@ def check(
             if recordings:
                 parts = _recorded(scene, recordings, columns, errors)
             else:
-                settings = Settings.checked({**given, "scene": scene_file}, "check", as_options())
+                known = {**from_environment(), **given}
+                if "robot_host" not in known:
+                    raise SettingsError("check: expected either recordings or --robot-host, got neither")
+                settings = Settings.checked({**known, "scene": scene_file}, "check", as_options())
                 opener = settings.open_source(scene)
                 assert isinstance(opener, partial)
                 parts = [

@@ -34,6 +34,8 @@ def reactions() -> None:
 def check(file: Path, scene_file: Path | None, robot: str, replay: Path | None, as_json: bool) -> int:
     """Check the rules in FILE and describe each in words, then each action.
 
+    Warns of programs and files that actions need and that this computer does not have.
+
     With --replay, no contact is announced. A latched collision is acknowledged as soon as nothing touches the
     arm, so that each time at which a collision level would have been exceeded is shown.
     """
@@ -47,10 +49,13 @@ def check(file: Path, scene_file: Path | None, robot: str, replay: Path | None, 
         fired = None if replay is None else list(_fired(rules, scene, read(replay, scene)))
     except (RulesError, SceneError, RecordingError) as error:
         raise click.ClickException(str(error)) from None
+    for text in rules.missing:
+        click.echo(f"warning: {text}", err=True)
     if as_json:
         report: dict[str, Any] = {
             "rules": [explain(rules, rule) for rule in rules.rules],
             "actions": explain_actions(rules),
+            "missing": rules.missing,
         }
         if fired is not None:
             report["fired"] = [decision.as_dict() for decision in fired]

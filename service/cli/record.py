@@ -12,30 +12,28 @@ from click.core import ParameterSource
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
+from contactsense.calibration.free_motion import without_delays
 from contactsense.scene import Scene, SceneError
 from contactsense.service.api.settings import Settings, SettingsError
 from contactsense.service.cli.finite_range import FiniteRange
 from contactsense.service.cli.option_names import as_options
 from contactsense.service.cli.record_by_service import ended_by_signals, record_by_service
-from contactsense.service.cli.sensor_options import sensor_options
-from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError, read
+from contactsense.service.cli.sensor_options import from_environment, sensor_options
+from contactsense.service.cli.token_file import read_token
+from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError, read, scene_in
 from contactsense.service.recordings.export import export
 from contactsense.service.recordings.problem_lines import problem_lines
 from contactsense.service.recordings.recorder import Recorder
 from contactsense.service.recordings.segment_writer import Rotation
 from contactsense.service.sensors.live_source import LiveSource
 from contactsense.service.sensors.robot_stream import SensorError
-
-_SOURCE = (
-    "scene", "robot", "robot_host", "robot_port", "robot_client", "robot_rate", "ft_host", "ft_port",
-    "ft_http_port", "ft_counts", "ft_fields",
-)  # fmt: skip
-"""Settings of the service that a recording needs too."""
+from contactsense.service.viewer.service_calls import LiveError, ServiceCalls
 
 
 @click.command()
 @click.option("--out", type=click.Path(path_type=Path), help="Folder; with --from, a file.")
 @click.option("--url", help="Let this running service record into its own folder (serve --recordings DIR).")
+@click.option("--token-file", type=click.Path(path_type=Path), help="File with that service's token.")
 @click.option("--scene", type=click.Path(path_type=Path), help="Scene file (YAML).")
 @click.option("--robot", help="Robot to assume where there is no scene file.  [default: ur5e]")
 @sensor_options("Address of the robot's controller.")
@@ -58,6 +56,7 @@ _SOURCE = (
 def record(
     out: Path | None,
     url: str | None,
+    token_file: Path | None,
     fields: str,
     seconds: float | None,
     rotate_seconds: float,
@@ -78,20 +77,22 @@ def record(
         raise click.UsageError("record: expected either --out or --url")
     given = {name: value for name, value in source.items() if value is not None}
     if url is not None:
-        _refuse_others("--url", {"seconds"})
+        _refuse_others("--url", {"seconds", "token_file"})
     elif origin is not None:
         _refuse_others("--from", {"out", "scene", "columns"})
     elif columns is not None:
         raise click.UsageError("--columns is for --from, which is not given")
+    elif token_file is not None:
+        raise click.UsageError("--token-file is for --url, which is not given")
     try:
         if url is not None:
-            record_by_service(url, seconds)
+            record_by_service(ServiceCalls(url, read_token(token_file)), seconds)
             return
         assert out is not None
         if origin is not None:
             _convert(origin, out, given.get("scene"), columns)
             return
-        settings = Settings.checked({**_inherited(), **given}, "record", as_options())
+        settings = Settings.checked({**from_environment("scene", "robot"), **given}, "record", as_options())
         scene = settings.load_scene()
         opener = settings.open_source(scene)
         if opener is None:
@@ -104,7 +105,7 @@ def record(
         with contextlib.closing(LiveSource(scene, replace(parts, extra_fields=extra))) as live:
             live.observer = recorder
             _run(live, recorder, seconds, out)
-    except (SettingsError, SensorError, RecordingError, MappingError, SceneError) as error:
+    except (SettingsError, SensorError, RecordingError, MappingError, SceneError, LiveError) as error:
         raise click.ClickException(str(error)) from None
 
 
@@ -115,11 +116,6 @@ def _refuse_others(mode: str, allowed: set[str]) -> None:
         source = ctx.get_parameter_source(option.name or "")
         if source is ParameterSource.COMMANDLINE and option.opts[0] != mode and option.name not in allowed:
             raise click.UsageError(f"{option.opts[0]} has no effect with {mode}: expected one of the two")
-
-
-def _inherited() -> dict[str, Any]:
-    known = Settings.from_environment().model_dump(exclude_unset=True)
-    return {name: value for name, value in known.items() if name in _SOURCE}
 
 
 def _run(live: LiveSource, recorder: Recorder, seconds: float | None, out: Path) -> None:
@@ -157,10 +153,11 @@ def _state(live: LiveSource, recorder: Recorder) -> str:
 
 
 def _convert(origin: Path, out: Path, scene_path: Path | None, columns: str | None) -> None:
-    scene = None if scene_path is None else Scene.load(scene_path)
-    recording = read(origin, scene, ColumnMapping.parse(columns))
+    scene = scene_in(origin) if scene_path is None else Scene.load(scene_path)
+    # What is written has the sensors' delays, too.
+    recording = read(origin, without_delays(scene), ColumnMapping.parse(columns))
     console = Console(stderr=True)
     for problem in problem_lines(recording.problems):
         console.print(f"{origin}: {problem}", highlight=False, soft_wrap=True)
-    export(recording, out)
+    export(recording, out, scene=scene)
     click.echo(f"{len(recording)} samples, {recording.seconds:.1f} s, written to {out}")

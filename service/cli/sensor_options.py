@@ -1,9 +1,11 @@
-"""Options that say where a robot and its force/torque sensor are read, shared by commands."""
+"""Options and variables that say where a robot and its sensors are read, shared by commands."""
 
 from collections.abc import Callable
 from typing import Any, TypeVar
 
 import click
+
+from contactsense.service.api.settings import READERS, Settings
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 
@@ -36,3 +38,14 @@ def sensor_options(robot_host: str) -> Callable[[_Command], _Command]:
         return command
 
     return add
+
+
+def from_environment(*more: str) -> dict[str, Any]:
+    """The same settings, and those that have no option, where the environment gives them; and `more`.
+
+    Raises:
+        SettingsError: A variable cannot be used.
+    """
+    known = Settings.from_environment().model_dump(exclude_unset=True)
+    names = {"robot_host", "robot_rate", *READERS, *more}
+    return {name: value for name, value in known.items() if name in names}

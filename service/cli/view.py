@@ -10,6 +10,7 @@ from urllib.parse import urlsplit
 import click
 
 from contactsense.scene import Scene, SceneError
+from contactsense.service.cli.token_file import read_token
 from contactsense.service.recordings import RecordingError, scene_in
 from contactsense.service.viewer import READY
 from contactsense.service.viewer.analysis_source import AnalysisSource, is_analysis
@@ -72,7 +73,7 @@ def view(
     try:
         scene = None if scene_path is None else Scene.load(scene_path)
         if file is None:
-            _live(url or URL, _token(token_file), acknowledge, scene, host, port, over)
+            _live(url or URL, read_token(token_file), acknowledge, scene, host, port, over)
         else:
             source = _recorded(file, scene)
             page = _page(host, port)
@@ -120,15 +121,6 @@ def _recorded(file: Path, scene: Scene | None) -> RecordedSource | AnalysisSourc
     scene = scene_in(file) if scene is None else scene
     click.echo(f"{file}: the estimates are being computed", err=True)
     return RecordedSource(file, scene)
-
-
-def _token(file: Path | None) -> str | None:
-    if file is None:
-        return None
-    try:
-        return file.read_text(encoding="utf-8").strip()
-    except OSError as error:
-        raise click.ClickException(f"--token-file: {file}: {error.strerror}") from None
 
 
 def _page(host: str, port: int) -> PageServer:

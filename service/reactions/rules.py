@@ -180,7 +180,7 @@ class ReactionRules(FileModel):
         except ValueError as error:
             raise RulesError(str(error)) from None
         try:
-            return cls.model_validate(content)
+            return cls.model_validate(content, context={"folder": Path(path).parent})
         except ValidationError as error:
             raise RulesError(f"{path}: {describe(error, cls)}") from None
 
@@ -205,6 +205,12 @@ class ReactionRules(FileModel):
                 hint = "; the scene has no tool with a surface" if name == TOOL else ""
                 raise RulesError(f"links: expected some of {', '.join(known)}, got {name!r}{hint}")
         return frozenset(found)
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """What actions need on this computer and do not find, one readable line each."""
+        found = {name: action.missing() for name, action in self.actions.items()}
+        return tuple(f"action {name}: {text}" for name, text in found.items() if text)
 
     def check(self, scene: Scene) -> None:
         """Check that the rules fit the scene.

@@ -98,6 +98,8 @@ class Reactions:
                     f"robot.host: expected the controller's address for {', '.join(needed)}, got none"
                 )
         self.rules, self._host = rules, host
+        for text in () if rules is None else rules.missing:
+            log.warning("reactions: %s", text)
 
     def restore(self, decisions: Sequence[dict[str, Any]]) -> None:
         """Restore the collisions that were latched when the service last ran; call before the pipeline

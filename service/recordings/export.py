@@ -1,6 +1,7 @@
 """Recordings and contacts as files: Parquet, CSV, and MCAP for Foxglove and ROS tools."""
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,10 @@ import pyarrow as pa
 import pyarrow.csv as pa_csv
 import pyarrow.parquet as pa_parquet
 
-from contactsense.sensors.link_values import column_of
+from contactsense.runtime.link_sensor_frame import LinkSensorFrame
+from contactsense.scene import Scene
+from contactsense.sensors.link_values import as_fields, column_of
+from contactsense.service.recordings.metadata import metadata
 from contactsense.service.recordings.problems import RecordingError
 from contactsense.service.recordings.recording import Recording
 from contactsense.service.recordings.ros_messages import (
@@ -21,6 +25,7 @@ from contactsense.service.recordings.ros_messages import (
     wrench_stamped,
 )
 from contactsense.service.recordings.table_files import reason
+from contactsense.service.sensors.signal_mapping import WrenchMap
 from contactsense.types import Contact
 
 
@@ -50,32 +55,61 @@ def _write_table(table: pa.Table, path: Path) -> None:
         raise RecordingError(f"{path}: cannot write: {reason(error)}") from None
 
 
-def export(recording: Recording, path: Path, contacts: Iterable[tuple[float, list[Contact]]] = ()) -> None:
+def export(
+    recording: Recording,
+    path: Path,
+    contacts: Iterable[tuple[float, list[Contact]]] = (),
+    scene: Scene | None = None,
+) -> None:
     """Write a recording; the format follows from the file's name: .parquet, .csv or .mcap.
-
-    Wrenches are written in base axes about the base origin: read them back with a scene whose sensor has
-    that frame.
 
     Args:
         recording: Recording to write.
         path: File to write.
         contacts: For MCAP: times [s] and the contacts at each, drawn as arrows in Foxglove's 3D panel.
+        scene: Wrenches are written as the sensors of this scene read them, and Parquet carries it: with it
+            the file is read back the same, if the recording was read without the sensors' delays. None: in
+            base axes about the base origin, for other programs.
 
     Raises:
         RecordingError: The format is unknown, an extra package is missing, or the file cannot be written.
     """
     if path.suffix not in (".parquet", ".csv", ".mcap"):
         raise RecordingError(f"{path}: expected a name that ends in .parquet, .csv or .mcap")
+    if scene is not None:
+        recording = _as_read(recording, scene)
     if path.suffix != ".mcap":
-        _write_table(recording.to_arrow(), path)
+        described = {} if scene is None else metadata(scene)
+        _write_table(recording.to_arrow().replace_schema_metadata(described), path)
         return
     try:
-        _mcap(recording, path, contacts)
+        _mcap(recording, path, contacts, in_base_axes=scene is None)
     except OSError as error:
         raise RecordingError(f"{path}: cannot write: {reason(error)}") from None
 
 
-def _mcap(recording: Recording, path: Path, contacts: Iterable[tuple[float, list[Contact]]]) -> None:
+def _as_read(recording: Recording, scene: Scene) -> Recording:
+    """The same with the readings of the sensors, in their own frames, in place of the wrenches."""
+    base = recording.base_wrench
+    if base is not None and scene.base_wrench is not None:
+        base = WrenchMap.of(scene.base_wrench).reading(base)
+    links = as_fields(
+        {
+            field: LinkSensorFrame(scene, field).readings(recording.q, values)
+            for field, values in recording.link_values.items()
+        }
+    )
+    return replace(
+        recording,
+        base_wrench=base,
+        wrist_wrench=links["wrist_wrench"],
+        link_wrenches=links["link_wrenches"] or {},
+    )
+
+
+def _mcap(
+    recording: Recording, path: Path, contacts: Iterable[tuple[float, list[Contact]]], *, in_base_axes: bool
+) -> None:
     try:
         from mcap_ros2.writer import Writer
     except ImportError as error:
@@ -93,15 +127,16 @@ def _mcap(recording: Recording, path: Path, contacts: Iterable[tuple[float, list
             stamp = round(1e9 * t)
             writer.write_message(topic, schema, message, log_time=stamp, publish_time=stamp)
 
-        links = ((f"/{column_of(field)}", values) for field, values in recording.link_values.items())
-        topics = (("/base_wrench", recording.base_wrench), *links)
+        links = ((column_of(field), values) for field, values in recording.link_values.items())
+        sensors = (("base_wrench", recording.base_wrench), *links)
         for i, t in enumerate(recording.t.tolist()):
             torque = None if recording.joint_torque is None else recording.joint_torque[i]
             message = joint_state(t, names, recording.q[i], recording.qd[i], torque)
             write("/joint_states", joints, message, t)
-            for topic, values in topics:
+            for sensor, values in sensors:
                 if values is not None and np.isfinite(values[i]).all():
-                    write(topic, wrenches, wrench_stamped(t, values[i]), t)
+                    frame = "base" if in_base_axes else sensor
+                    write(f"/{sensor}", wrenches, wrench_stamped(t, values[i], frame), t)
         for t, found in contacts:
             write("/contacts", scenes, scene_update(t, found), t)
         writer.finish()

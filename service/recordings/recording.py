@@ -135,10 +135,11 @@ class Recording:
         return columns
 
     def to_arrow(self) -> "pa.Table":
-        """The contract columns as an Arrow table."""
+        """The contract columns as an Arrow table. It carries no scene: that of the file states the frames of
+        the sensors, and these wrenches are in base axes."""
         import pyarrow as pa
 
-        return pa.table(self.columns(), metadata=dict(self.meta))
+        return pa.table(self.columns())
 
     def to_pandas(self) -> "pd.DataFrame":
         """The contract columns as a pandas data frame; needs pandas."""

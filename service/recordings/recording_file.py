@@ -128,6 +128,8 @@ class RecordingFile:
         assert source is not None
         columns = [column for name in source.names for column in self._columns_of(name, source)]
         if any(column not in names for column in columns):
+            if all(name in names for name in own):  # converted before
+                return own, None
             message = f"no {own[0]} ... nor {columns[0]} ... ({sensor.signal}): joint torques are not used"
             self._absent.append(Problem(0, 0, "missing_sensor", message))
             return [], None

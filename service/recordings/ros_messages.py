@@ -163,8 +163,8 @@ def _time(t: float) -> dict[str, int]:
     return {"sec": seconds, "nanosec": min(round(1e9 * (t - seconds)), 999_999_999)}
 
 
-def _header(t: float) -> dict[str, Any]:
-    return {"stamp": _time(t), "frame_id": "base"}
+def _header(t: float, frame: str = "base") -> dict[str, Any]:
+    return {"stamp": _time(t), "frame_id": frame}
 
 
 def joint_state(
@@ -178,11 +178,11 @@ def joint_state(
     }  # fmt: skip
 
 
-def wrench_stamped(t: float, wrench: np.ndarray) -> dict[str, Any]:
-    """geometry_msgs/WrenchStamped of a wrench in base axes, shape (6,) [N, Nm]."""
+def wrench_stamped(t: float, wrench: np.ndarray, frame: str) -> dict[str, Any]:
+    """geometry_msgs/WrenchStamped of a wrench in the axes of `frame` about its origin, shape (6,) [N, Nm]."""
     x, y, z, mx, my, mz = wrench.tolist()
     parts = {"force": {"x": x, "y": y, "z": z}, "torque": {"x": mx, "y": my, "z": mz}}
-    return {"header": _header(t), "wrench": parts}
+    return {"header": _header(t, frame), "wrench": parts}
 
 
 def scene_update(t: float, contacts: Sequence[Contact]) -> dict[str, Any]:

@@ -25,6 +25,11 @@ _HEAD = 65536
 _BUFFER = 1 << 20
 """Bytes of a Parquet column read at a time: a file that is memory-mapped or read ahead stays in memory."""
 
+_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+"""Units of Arrow's time stamps [s]."""
+_GZIP = b"\x1f\x8b"
+"""The first bytes of a file that is packed with gzip."""
+
 Columns = dict[str, np.ndarray]
 """Column name -> values, shape (N,), float64."""
 
@@ -57,9 +62,10 @@ def open_table(path: Path) -> TableFile:
     try:
         if path.is_dir():
             return _ParquetFolder(path)
-        if path.suffix == ".parquet":
+        suffix = path.suffix.lower()  # some programs write names in capitals
+        if suffix == ".parquet":
             return _Parquet(path)
-        if path.suffix in (".arrow", ".arrows"):
+        if suffix in (".arrow", ".arrows"):
             return _ArrowStream(path)
         return _Csv(path)
     except (OSError, pa.ArrowException) as error:
@@ -86,7 +92,8 @@ def reason(error: Exception) -> str:
 
 
 def _numeric(schema: pa.Schema) -> list[str]:
-    return [f.name for f in schema if pa.types.is_integer(f.type) or pa.types.is_floating(f.type)]
+    types = (pa.types.is_integer, pa.types.is_floating, pa.types.is_timestamp)
+    return [f.name for f in schema if any(is_type(f.type) for is_type in types)]
 
 
 def _text(metadata: dict[bytes, bytes] | None) -> dict[str, str]:
@@ -104,7 +111,10 @@ def _floats(batch: pa.RecordBatch, names: list[str]) -> Columns:
     columns = {}
     for name in names:
         column = batch.column(name)
-        if not pa.types.is_float64(column.type):
+        if pa.types.is_timestamp(column.type):  # dates, as pandas writes them: seconds since 1970
+            unit = _SECONDS[column.type.unit]
+            column = pc.multiply(pc.cast(column, pa.int64()).cast(pa.float64(), safe=False), unit)
+        elif not pa.types.is_float64(column.type):
             column = pc.cast(column, pa.float64(), safe=False)
         columns[name] = column.to_numpy(zero_copy_only=False)
     return columns
@@ -238,6 +248,8 @@ class _Csv:
         self.meta: dict[str, str] = {}
         self.problems: list[Problem] = []
         self.rows: int | None = None
+        with path.open("rb") as file:
+            self._packed = file.read(len(_GZIP)) == _GZIP
         with self._open() as stream:
             # Spreadsheets begin a text in UTF-8 with a mark, which is no part of the first name.
             head = (stream.read(_HEAD) or b"").split(b"\n", 1)[0].decode("utf-8-sig", "replace").strip()
@@ -269,7 +281,7 @@ class _Csv:
             yield from chosen_rows(self._typed(names, pa.string()), done, None)
 
     def _open(self) -> Any:
-        return io.BufferedReader(_Gzip(self._path)) if self._path.suffix == ".gz" else self._path.open("rb")
+        return io.BufferedReader(_Gzip(self._path)) if self._packed else self._path.open("rb")
 
     def _typed(self, names: list[str], kind: pa.DataType) -> Iterator[tuple[int, Columns]]:
         rejected: list[Problem] = []
@@ -284,7 +296,9 @@ class _Csv:
         with self._open() as stream:
             reader = pa_csv.open_csv(
                 stream,
-                read_options=pa_csv.ReadOptions(use_threads=False, block_size=1 << 22),
+                read_options=pa_csv.ReadOptions(
+                    use_threads=False, block_size=1 << 22, skip_rows=1, column_names=self.names
+                ),
                 parse_options=pa_csv.ParseOptions(delimiter=self._delimiter, invalid_row_handler=skip),
                 convert_options=pa_csv.ConvertOptions(
                     include_columns=names, column_types=dict.fromkeys(names, kind)

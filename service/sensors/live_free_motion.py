@@ -37,7 +37,8 @@ def read_live_motion(
         progress: Called with the time read so far [s].
 
     Raises:
-        SensorError: No samples arrive, or fewer than three; or the sources lack a signal of the scene.
+        SensorError: No samples arrive, or fewer than three; the robot was restarted; or the sources lack a
+            signal of the scene.
     """
     scene = without_delays(scene)
     samples: list[Sample] = []
@@ -46,6 +47,11 @@ def read_live_motion(
         while not samples or samples[-1].t - samples[0].t < seconds:
             new = live.poll(0.1)
             samples += new
+            if samples and samples[-1].t < samples[0].t:
+                raise SensorError(
+                    f"{settings.robot_host}: the robot's clock was set back from {samples[0].t:.1f} to "
+                    f"{samples[-1].t:.1f} s, as by a restart; read it again"
+                )
             if new:
                 last = time.monotonic()
                 progress(samples[-1].t - samples[0].t)

@@ -10,6 +10,7 @@ import viser
 
 from contactsense.scene import Scene
 from contactsense.service.analysis.contact_table import SCHEMA
+from contactsense.service.analysis.other_links import other_links
 from contactsense.service.recordings import RecordingError, scene_in
 from contactsense.service.viewer.controls import set_value
 from contactsense.service.viewer.frame import TRACKS, Forces, Frame
@@ -54,7 +55,8 @@ class AnalysisSource:
                 f"{path}: q: expected {joints} joints, those of {self.scene.robot.name}, got "
                 f"{len(self._rows[0]['q'])}"
             )
-        self._frames = [Frame(np.array(row["q"]), _estimate(row), _NO_FORCES) for row in self._rows]
+        clear = self.scene.clear
+        self._frames = [Frame(np.array(row["q"]), _estimate(row, clear), _NO_FORCES) for row in self._rows]
         self._shown = 0
 
     def add_controls(self, gui: viser.GuiApi) -> None:
@@ -77,12 +79,14 @@ class AnalysisSource:
         return self._frames[self._shown]
 
     def note(self) -> str:
-        """The chosen contact and its course."""
+        """The chosen contact, its course, and the other links that it may be on."""
         row = self._rows[self._shown]
-        return (
+        text = (
             f"{Path(row['recording']).name}, from {row['begin']:.2f} s for {row['duration']:.2f} s: largest "
             f"force {row['peak_force']:.1f} N, impulse {row['impulse']:.1f} N s"
         )
+        others = other_links(self.scene.link_names, row["link_index"], row["link_probability"])
+        return f"{text}; other links, over the whole contact: {', '.join(others)}" if others else text
 
 
 def _scene_of(recording: str, table: Path) -> Scene:
@@ -99,7 +103,7 @@ def _name(row: dict[str, Any]) -> str:
     )
 
 
-def _estimate(row: dict[str, Any]) -> Estimate:
+def _estimate(row: dict[str, Any], clear: float) -> Estimate:
     def vector(name: str) -> np.ndarray:
         return np.array([row[f"{name}_{axis}"] for axis in "xyz"], dtype=float)
 
@@ -113,10 +117,10 @@ def _estimate(row: dict[str, Any]) -> Estimate:
     known = row["link_index"] >= 0 and np.isfinite(point).all()
     return Estimate(
         row["peak_time"],
-        "contact",
+        "contact" if row["probability"] >= clear else "ambiguous",
         (contact,) if known else (),
         np.array(row["link_probability"]),
         np.concatenate((force, np.cross(point, force))),
         np.full((6, 6), np.inf),
-        other=1.0 - row["probability"] if known else 1.0,
+        other=max(1.0 - sum(row["link_probability"]), 0.0) if known else 1.0,
     )

@@ -1,4 +1,4 @@
-"""Requests to a service over HTTP, with errors of one line."""
+"""Requests of commands to a service over HTTP, with errors of one line."""
 
 import json
 import urllib.error
@@ -9,6 +9,7 @@ from urllib.parse import urlsplit
 from pydantic import ValidationError
 
 from contactsense.scene import Scene, SceneError
+from contactsense.service.api.clips import RecordingOut
 from contactsense.service.api.messages import HealthOut, SceneOut
 from contactsense.service.reactions.health import ReactionsOut
 
@@ -21,7 +22,7 @@ class LiveError(RuntimeError):
 
 
 class ServiceCalls:
-    """The requests that a viewer makes."""
+    """The requests that `contactsense view` and `contactsense record` make."""
 
     def __init__(self, url: str, token: str | None = None) -> None:
         """Nothing is sent yet.
@@ -84,6 +85,18 @@ class ServiceCalls:
             LiveError: The service refuses, with its reason.
         """
         self._get("/v1/reactions/acknowledge", b"{}")
+
+    def recording(self, on: bool | None = None) -> RecordingOut:
+        """State of the recording on the service's computer.
+
+        Args:
+            on: Start or end it first; None: leave it as it is.
+
+        Raises:
+            LiveError: The service does not answer, or refuses, with its reason.
+        """
+        body = None if on is None else json.dumps({"on": on}).encode()
+        return RecordingOut.model_validate(self._get("/v1/recording", body))
 
     def _get(self, path: str, body: bytes | None = None) -> Any:
         request = urllib.request.Request(f"{self.url}{path}", body, self.headers)

@@ -144,6 +144,22 @@ def test_a_name_is_no_scene() -> None:
         Localizer("ur5e")  # type: ignore[arg-type]
 
 
+def test_a_misspelled_method_is_refused() -> None:
+    """It would be another one."""
+    expected = r"^method: expected one of joint, torques_first, intrinsic, got 'torque_first'$"
+    with pytest.raises(ValueError, match=expected):
+        Localizer(Scene(robot="ur5e"), "torque_first")  # type: ignore[arg-type]
+
+
+def test_an_arm_may_be_a_path(tmp_path: Path) -> None:
+    file = robots.load("ur5e").file
+    assert file is not None
+    copy = tmp_path / "my_arm.yaml"
+    copy.write_bytes(file.read_bytes())
+    (tmp_path / "my_arm.surface.yaml").write_bytes(file.with_suffix(".surface.yaml").read_bytes())
+    assert Scene(robot=copy).robot.links == Scene(robot="ur5e").robot.links
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

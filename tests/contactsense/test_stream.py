@@ -59,7 +59,7 @@ def test_samples_may_be_lists_read_only_or_views(precise: Localizer) -> None:
     assert expected[-1] == "none"
 
 
-@pytest.mark.parametrize("kind", ["<f4", ">f8", "i8", "O", "pickled", "subclass"])
+@pytest.mark.parametrize("kind", ["<f4", ">f8", "i8", "O", "pickled", "subclass", "pandas"])
 def test_values_of_any_type_are_converted(ordinary: Localizer, kind: str) -> None:
     """Machine code that takes eight bytes for a float would read other numbers."""
     q = np.array([0.0, -1.0, 2.0, -2.0, -1.0, 0.0])
@@ -70,6 +70,8 @@ def test_values_of_any_type_are_converted(ordinary: Localizer, kind: str) -> Non
         if kind == "pickled":
             found: np.ndarray = pickle.loads(pickle.dumps(values))
             return found
+        if kind == "pandas":
+            return pytest.importorskip("pandas").Series(values)  # type: ignore[no-any-return]
         return values.view(np.recarray) if kind == "subclass" else values.astype(kind)
 
     expected = ordinary.locate(q, base_wrench=wrench, joint_torque=torque, external=False, detect=False)

@@ -175,6 +175,14 @@ def test_an_arm_far_from_the_root_and_angles_of_one_turn_are_no_mistake_of_units
         robots.from_urdf(write(tmp_path, far))
 
 
+def test_the_folder_in_which_a_file_was_looked_for_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(robots.RobotError, match=f"^none.urdf: no such file in {tmp_path}$"):
+        robots.from_urdf("none.urdf")
+
+
 def test_unusable_files_and_tips_are_refused(tmp_path: Path) -> None:
     with pytest.raises(robots.RobotError, match=r"none.urdf: no such file"):
         robots.from_urdf(tmp_path / "none.urdf")

@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +11,14 @@ from click.testing import CliRunner
 
 from contactsense import JointTorqueSensor, Scene, WrenchSensor
 from contactsense.benchmarks.calibration.simulate import simulate
+from contactsense.calibration import Calibration, Settings
+from contactsense.calibration import calibrate as estimate
 from contactsense.calibration.fourier_trajectory import FourierTrajectory
 from contactsense.sensors.settings import Friction
 from contactsense.service.cli.calibrate import calibrate
+from contactsense.service.cli.calibration_page import page
 from contactsense.service.recordings.export import write_columns
+from contactsense.service.recordings.free_motion import read_free_motion
 
 TRUTH = Scene(
     robot="ur5e",
@@ -65,6 +70,20 @@ def test_a_scene_is_calibrated_and_written(folder: Path) -> None:
     assert "residuals_0.png" in report
     assert "| coulomb of elbow_joint |" in report
     assert (folder / "report" / "residuals_0.png").stat().st_size > 10_000
+
+
+def test_a_fit_that_has_gone_wrong_is_not_recommended(folder: Path) -> None:
+    scene = Scene.load(folder / "scene.yaml")
+    parts, _ = read_free_motion(folder / "free.csv", scene)
+    found = estimate(scene, parts, Settings(("bias", "coulomb"), widths=False))
+
+    def advice(found: Calibration) -> str:
+        return "\n".join(page(found, scene, Path("new.yaml"))[-1].lines)
+
+    assert "do not use this scene" not in advice(found)
+    worse = np.where(np.arange(len(found.after.rms)) == 2, 2.1 * found.before.rms, found.after.rms)
+    wrong = replace(found, after=replace(found.after, rms=worse))
+    assert advice(wrong).startswith("do not use this scene: the one before explains this motion better")
 
 
 @pytest.mark.slow

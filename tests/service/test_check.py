@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 from io import StringIO
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 import pytest
@@ -23,7 +24,9 @@ from contactsense.service.mock.servers import MockServers, MockSettings
 from contactsense.service.mock.simulated_arm import simulate
 from contactsense.service.recordings.export import write_columns
 from contactsense.service.recordings.free_motion import read_free_motion
-from contactsense.service.sensors.live_free_motion import _free_motion
+from contactsense.service.sensors.live_free_motion import _free_motion, read_live_motion
+from contactsense.service.sensors.live_source import SourceSettings
+from contactsense.service.sensors.robot_stream import SensorError
 from contactsense.setup_check import Finding, Residuals, SetupCheck
 from contactsense.types import Sample
 from tests.service.loopback import own_address
@@ -137,7 +140,8 @@ def test_units_of_a_recording_are_a_matter_of_its_columns(folder: Path) -> None:
     [
         (["right.yaml", "absent.csv"], "absent.csv: cannot read the recording"),
         (["absent.yaml", "free.csv"], "absent.yaml: cannot read the scene"),
-        (["right.yaml"], "expected either recordings or --robot-host"),
+        (["right.yaml"], "expected either recordings or --robot-host, got neither"),
+        (["right.yaml", "free.csv", "--robot-host", "127.0.0.1"], "or --robot-host, got both"),
         (["right.yaml", "free.csv", "--columns", "unit"], "unit: cannot read the column mapping"),
         (["right.yaml", "--robot-host", "127.0.0.1"], "expected either its address"),
         (
@@ -180,6 +184,58 @@ def test_a_live_arm_is_checked(tmp_path: Path) -> None:
         result = CliRunner().invoke(check, [str(tmp_path / "scene.yaml"), *source])
     assert result.exit_code == 1, result.output
     assert "this would: table" in result.output
+
+
+def test_sensors_without_an_option_are_those_of_the_environment(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read: list[SourceSettings] = []
+
+    def no_robot(scene: Scene, settings: SourceSettings, *others: object) -> None:
+        read.append(settings)
+        raise SensorError("there is no robot in this test")
+
+    monkeypatch.setattr("contactsense.service.cli.check.read_live_motion", no_robot)
+    (tmp_path / "scene.yaml").write_text(
+        "{robot: ur5e, base_wrench: null, tool: {mass: 1}, wrist_wrench: {}, "
+        "link_wrenches: [{name: elbow, link: forearm}]}"
+    )
+    fields = [f"output_double_register_{i}" for i in range(6)]
+    variables = {
+        "CONTACTSENSE_ROBOT_HOST": "192.0.2.1",
+        "CONTACTSENSE_WRIST_FIELDS": "actual_TCP_force",
+        "CONTACTSENSE_LINK_WRENCHES": json.dumps({"elbow": {"fields": ",".join(fields)}}),
+    }
+    result = CliRunner().invoke(check, [str(tmp_path / "scene.yaml")], env=variables)
+    assert "there is no robot in this test" in result.output
+    (settings,) = read
+    assert settings.robot_host == "192.0.2.1"
+    assert settings.wrist_fields == ("actual_TCP_force",)
+    assert settings.link_wrenches["elbow"].fields == tuple(fields)
+
+
+class _Restarted:
+    """A robot that is restarted after a second of samples."""
+
+    def __init__(self, *_: object) -> None:
+        self._t = 5000.0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        return
+
+    def poll(self, timeout: float) -> list[Sample]:
+        self._t = 0.0 if self._t > 5001.0 else self._t + 0.1
+        return [Sample(self._t, np.zeros(6), np.zeros(6), np.zeros(6))]
+
+
+def test_a_robot_that_restarts_meanwhile_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By its clock, twenty seconds would take as long as it had been on."""
+    monkeypatch.setattr("contactsense.service.sensors.live_free_motion.LiveSource", _Restarted)
+    with pytest.raises(SensorError, match=r"192\.0\.2\.1: the robot's clock was set back from 5000\.1 to"):
+        read_live_motion(Scene(robot="ur5e"), SourceSettings(robot_host="192.0.2.1"), 20.0, lambda _: None)
 
 
 @pytest.mark.parametrize("field", [WRIST, ELBOW])

@@ -44,7 +44,7 @@ def analyze_fleet(
         WorkerPoolError: the workers are not available.
         RuntimeError: a segment failed for a reason other than its recording.
     """
-    files = find_recordings(paths)
+    files = find_recordings(paths, out)
     paths_of = scene_files(scene, files, out / "scenes")
     parts = {robot: _parts(out, path, length) for robot, path in paths_of.items()}
     tasks = [

@@ -1,7 +1,6 @@
 """Which scene file belongs to which robot of a dataset."""
 
 from collections.abc import Iterable
-from contextlib import suppress
 from pathlib import Path
 
 from contactsense.scene import SceneError
@@ -40,15 +39,18 @@ def _scene_file(scene: Path | None, file: DatasetFile, carried: Path) -> Path:
     else:
         folder = f"robot={file.robot}"
         path = next((up for up in file.path.parents if up.name == folder), file.path.parent) / OWN_SCENE
+    carries = ""
     if not path.is_file() and scene is None:
-        with suppress(RecordingError):
+        try:
             text = scene_text(scene_in(file.path))
             path = carried / f"{file.robot or 'unknown'}.yaml"
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(text, encoding="utf-8")
+        except RecordingError as error:
+            carries = f"; {error}"
     if not path.is_file():
         raise SceneError(
             f"robot {file.robot or 'unknown'}: expected a scene file {path}, found none; --scene names a "
-            "file for all robots, or a folder with NAME.yaml for each"
+            f"file for all robots, or a folder with NAME.yaml for each{carries}"
         )
     return path.resolve()

@@ -23,6 +23,8 @@ WARM_UP = 60.0
 TAIL = 60.0
 """Time after a segment up to which a contact is followed [s]."""
 SUFFIXES = (".parquet", ".csv", ".csv.gz", ".mcap", ".db3")
+RESULTS = ("contacts", "parts", "robots.parquet", "days.parquet")
+"""Tables in the folder of the results."""
 
 
 @dataclass(frozen=True)
@@ -69,8 +71,12 @@ class Segment:
     """Row at which reading ends; None: at the end."""
 
 
-def find_recordings(paths: tuple[Path, ...]) -> list[DatasetFile]:
+def find_recordings(paths: tuple[Path, ...], out: Path | None = None) -> list[DatasetFile]:
     """All recordings among files and below folders, sorted by name.
+
+    Args:
+        paths: Files and folders.
+        out: Folder of the results, which are no recordings, should it be in one of the folders.
 
     Raises:
         FileNotFoundError: a path does not exist, or there is no recording; the message names it.
@@ -78,7 +84,8 @@ def find_recordings(paths: tuple[Path, ...]) -> list[DatasetFile]:
     found = []
     for path in paths:
         if path.is_dir():
-            found += [_file(p, p.relative_to(path)) for p in _inside(path)]
+            inside = (p for p in _inside(path) if out is None or not _is_result(p, out))
+            found += [_file(p, p.relative_to(path)) for p in inside]
         elif path.exists():
             found.append(_file(path, Path(path.name)))
         else:
@@ -88,6 +95,10 @@ def find_recordings(paths: tuple[Path, ...]) -> list[DatasetFile]:
             f"{', '.join(map(str, paths))}: expected recordings ({', '.join(SUFFIXES)}), found none"
         )
     return found
+
+
+def _is_result(path: Path, out: Path) -> bool:
+    return any(path.resolve().is_relative_to((out / name).resolve()) for name in RESULTS)
 
 
 def _inside(folder: Path) -> list[Path]:

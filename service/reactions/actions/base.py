@@ -24,6 +24,10 @@ class ActionSettings(BaseModel, ABC):
     def describe(self) -> str:
         """Return a short description of the action."""
 
+    def missing(self) -> str:
+        """What the action needs on this computer and does not find; empty if nothing."""
+        return ""
+
 
 class ExecutedAction(ActionSettings):
     """An action that may be slow: it runs in its own thread of the executor's process."""

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 from contextlib import suppress
@@ -48,3 +49,8 @@ class CommandAction(ExecutedAction):
     def describe(self) -> str:
         """Return a short description of the action."""
         return f"run {' '.join(self.command)} (at most {self.timeout:g} s)"
+
+    def missing(self) -> str:
+        """See `ActionSettings.missing`."""
+        program = self.command[0]
+        return "" if shutil.which(program) else f"{program}: expected a program that can be run, found none"

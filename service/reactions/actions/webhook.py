@@ -7,7 +7,7 @@ import hmac
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from contactsense.service.reactions.actions.base import ActionError, ActionSettings
 
@@ -22,9 +22,16 @@ class WebhookAction(ActionSettings):
     secret: str | None = None
     """Signing secret: `whsec_` followed by 24 to 64 bytes in base64."""
     secret_file: Path | None = None
-    """File that contains the secret, instead of `secret`."""
+    """File that contains the secret, instead of `secret`; relative to the folder of the rules."""
     timeout: Annotated[float, Field(gt=0.0, le=60.0)] = 20.0
     """Time limit of one attempt [s]."""
+
+    @field_validator("secret_file")
+    @classmethod
+    def _beside_the_rules(cls, file: Path | None, info: ValidationInfo) -> Path | None:
+        # A service that the computer starts works in another folder than whoever tries the rules.
+        folder = (info.context or {}).get("folder", Path())
+        return None if file is None else folder / file
 
     @model_validator(mode="after")
     def _has_a_secret(self) -> Self:
@@ -51,6 +58,14 @@ class WebhookAction(ActionSettings):
     def describe(self) -> str:
         """Return a short description of the action."""
         return f"post to {self.url}, with retries"
+
+    def missing(self) -> str:
+        """See `ActionSettings.missing`."""
+        try:
+            self.key()
+        except ActionError as error:
+            return str(error)
+        return ""
 
 
 def decode_secret(secret: str) -> bytes:

@@ -1,5 +1,6 @@
 """Pushes in a calibration's recording are found and left out; motion without them is used whole."""
 
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -66,6 +67,29 @@ def test_pushes_are_left_out_and_named() -> None:
     # Without a third of the samples an estimate moves by about its standard deviation, not by tens of them.
     assert np.sqrt(np.mean(off**2)) < 2.0
     assert np.sqrt(np.mean(wrong**2)) > 10.0
+
+
+def test_the_first_fit_does_not_lean_towards_pushes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is no free motion by the scene's own values is left out of it, if half of the motion remains."""
+    seen: list[list[FreeMotion]] = []
+
+    def first_fit(start: object, recordings: list[FreeMotion], *others: object) -> None:
+        seen.append(recordings)
+        raise np.linalg.LinAlgError
+
+    monkeypatch.setattr(sys.modules["contactsense.calibration.calibrate"], "fit_model", first_fit)
+    scene = Scene(robot="ur5e")
+    motion = FourierTrajectory.draw(np.random.default_rng(12), CENTER, np.full(6, 0.7), 8, 14.0)
+    often = tuple(Push(3, (0.0, 0.0, 0.05), (0.0, 40.0, 40.0), t, t + 1.4) for t in (1, 4, 7, 10))
+    for pushes in ((), PUSHES, often):
+        touched = simulate(scene, motion, 13, 125.0, pushes=pushes)
+        with pytest.raises(CalibrationError, match="let every joint move"):
+            calibrate(scene, [touched], SETTINGS)
+    (free,), (few,), (many,) = seen
+    assert free.usable.all()
+    assert all(not few.usable[round(125 * (p.start + p.stop) / 2)] for p in PUSHES)
+    assert few.usable.mean() >= 0.5
+    assert many.usable.all()
 
 
 def test_a_recording_full_of_contact_is_refused() -> None:

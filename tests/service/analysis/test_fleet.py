@@ -70,6 +70,16 @@ def test_recordings_and_their_place_in_the_dataset(tmp_path: Path) -> None:
         find_recordings((_empty(tmp_path),))
 
 
+@pytest.mark.parametrize("out", ["data", "data/results", "data/robot=a"])
+def test_the_results_of_an_earlier_run_are_no_recordings(tmp_path: Path, out: str) -> None:
+    data, results = _dataset(tmp_path / "data"), tmp_path / out
+    before = find_recordings((data,), results)
+    for name in ("contacts/robot=a/date=unknown/part-0", "parts/1/a-0", "robots", "days"):
+        (results / name).parent.mkdir(parents=True, exist_ok=True)
+        (results / f"{name}.parquet").touch()
+    assert find_recordings((data,), results) == before
+
+
 def _empty(tmp_path: Path) -> Path:
     folder = tmp_path / "empty"
     folder.mkdir()
@@ -259,7 +269,9 @@ def test_each_robot_may_have_its_own_scene(tmp_path: Path, scene: Path) -> None:
     data = _dataset(tmp_path / "data")
     files = find_recordings((data,))
     assert scene_files(scene, files, tmp_path) == {"a": scene.resolve(), "b": scene.resolve()}
-    with pytest.raises(SceneError, match=r"robot a: expected a scene file .*robot=a/scene.yaml, found none"):
+    with pytest.raises(
+        SceneError, match=r"robot a: expected a scene file .*robot=a/scene.yaml, .* carries no scene"
+    ):
         scene_files(None, files, tmp_path)
     for robot in "ab":
         (data / f"robot={robot}" / "scene.yaml").write_text("robot: ur5e\n")

@@ -53,6 +53,27 @@ def app(**settings: object) -> FastAPI:
     return create_app(Settings.checked(settings), fakes.Mute if settings.pop("robot_host", None) else None)
 
 
+@pytest.mark.parametrize(
+    ("setting", "value", "example"),
+    [
+        ("allowed_origins", "panel.example", "https://panel.example"),
+        ("allowed_origins", "https://panel.example/page", "https://panel.example"),
+        ("allowed_origins", "https://a.example,*", "https://panel.example"),
+        ("allowed_hosts", "panel.example:8000", "panel.example"),
+        ("allowed_hosts", "http://panel.example", "panel.example"),
+    ],
+)
+def test_what_no_request_can_have_is_refused(setting: str, value: str, example: str) -> None:
+    with pytest.raises(SettingsError, match=f"{setting}: expected .* such as {example}, got "):
+        Settings.checked({setting: value})
+
+
+def test_an_origin_is_what_browsers_send() -> None:
+    given = Settings.checked({"allowed_origins": "https://Panel.example/, http://10.0.0.2:3000"})
+    assert given.allowed_origins == ("https://panel.example", "http://10.0.0.2:3000")
+    assert Settings.checked({"allowed_origins": "", "allowed_hosts": ""}).allowed_hosts == ()
+
+
 @pytest.fixture(scope="module")
 def locked() -> Iterator[str]:
     with guarded(app(token=TOKEN, allowed_hosts="robot.cell", allowed_origins="https://panel.cell")) as place:

@@ -3,8 +3,10 @@
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
 from contactsense import Scene
+from contactsense.service.cli.reactions import check
 from contactsense.service.reactions.explain import explain, explain_actions
 from contactsense.service.reactions.rules import ReactionRules, RulesError
 from tests.service.reactions.estimates import SCENE
@@ -116,3 +118,22 @@ def test_wrong_actions(tmp_path: Path, action: str, complaint: str) -> None:
         load(tmp_path, FILE.replace("{type: registers}", action))
     assert complaint in str(refused.value)
     assert "hunter2" not in str(refused.value)
+
+
+def test_a_secret_is_beside_its_rules_and_what_is_missing_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever the working folder is; before the first contact, not after it."""
+    monkeypatch.chdir("/")
+    text = FILE.replace("{type: registers}", "{type: webhook, url: 'http://h/', secret_file: own.secret}")
+    text = text.replace("actions:", "actions:\n  note: {type: command, command: [/absent/program]}", 1)
+    rules = load(tmp_path, text)
+    assert rules.missing == (
+        "action note: /absent/program: expected a program that can be run, found none",
+        f"action tell: secret_file: {tmp_path / 'own.secret'}: No such file or directory",
+    )
+    (tmp_path / "own.secret").write_text("whsec_" + "A" * 32)
+    assert len(rules.missing) == 1
+    result = CliRunner().invoke(check, [str(tmp_path / "reactions.yaml")])
+    assert result.exit_code == 0
+    assert "warning: action note: /absent/program" in result.stderr

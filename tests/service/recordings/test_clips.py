@@ -257,4 +257,15 @@ def test_without_a_folder_it_says_what_to_do() -> None:
         assert "--recordings" in answer.text
     result = CliRunner().invoke(record, ["--url", "http://127.0.0.1:1", "--seconds", "1"])
     assert result.exit_code == 1
-    assert "no answer" in result.output
+    assert "http://127.0.0.1:1 cannot be reached" in result.output
+
+
+def test_a_service_with_a_token_needs_it(tmp_path: Path) -> None:
+    (tmp_path / "token").write_text("a token of the cell\n")
+    with serving(create_app(Settings(token="a token of the cell"))) as place:
+        arguments = ["--url", f"http://{place}", "--seconds", "1"]
+        result = CliRunner().invoke(record, arguments)
+        assert "401" in result.output
+        assert "--token-file names the file with its token" in result.output
+        result = CliRunner().invoke(record, [*arguments, "--token-file", str(tmp_path / "token")])
+        assert "--recordings" in result.output  # it is let in, and the service has no folder

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contactsense import Contact, Scene
+from contactsense import Contact, Scene, WrenchSensor
 from contactsense.service.recordings import Recording, RecordingError, read
 from contactsense.service.recordings.export import export
 from contactsense.service.recordings.ros_messages import METRES_PER_NEWTON, scene_update
@@ -33,6 +33,23 @@ def test_there_and_back(tmp_path: Path, name: str) -> None:
     np.testing.assert_allclose(found.q, whole.q)
     np.testing.assert_allclose(found.joint_torque, whole.joint_torque)
     np.testing.assert_allclose(found.base_wrench, whole.base_wrench, atol=1e-9)
+
+
+def test_wrenches_in_a_bag_name_their_frame(tmp_path: Path) -> None:
+    """Base axes for other programs; the sensor's own for the scene that turns them again."""
+    pytest.importorskip("mcap_ros2")
+    from mcap.reader import make_reader
+    from mcap_ros2.decoder import DecoderFactory
+
+    turned = Scene(robot="ur5e", base_wrench=WrenchSensor(rpy=(0.1, 0.2, 0.3), sign="sensor_on_arm"))
+    for scene, frame in ((None, "base"), (turned, "base_wrench")):
+        export(recording(), tmp_path / "a.mcap", scene=scene)
+        with (tmp_path / "a.mcap").open("rb") as file:
+            reader = make_reader(file, decoder_factories=[DecoderFactory()])
+            messages = reader.iter_decoded_messages(topics=["/base_wrench"])
+            assert {message.header.frame_id for _, _, _, message in messages} == {frame}
+    pytest.importorskip("rosbags")
+    np.testing.assert_allclose(read(tmp_path / "a.mcap", turned).base_wrench, recording().base_wrench)
 
 
 def test_a_bag_without_the_topic_lists_what_it_has(tmp_path: Path) -> None:

@@ -103,7 +103,7 @@ def test_the_delay_is_taken_off(tmp_path: Path) -> None:
 
 
 def test_there_and_back(tmp_path: Path) -> None:
-    """What is exported is in base axes, read back by a scene whose sensors have that frame."""
+    """What is exported without a scene is in base axes."""
     first, second = tmp_path / "first.parquet", tmp_path / "second.csv"
     write_columns(first, columns())
     found = read(first, SCENE)

@@ -1,6 +1,7 @@
 """`contactsense record` against the mock arm, and as a converter."""
 
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -78,6 +79,20 @@ def test_a_robot_that_is_not_there_is_told_and_nothing_is_left(tmp_path: Path) -
     assert not list((tmp_path / "x").glob("*"))
 
 
+def test_sensors_without_an_option_are_those_of_the_environment(tmp_path: Path) -> None:
+    (tmp_path / "scene.yaml").write_text(
+        "{robot: ur5e, base_wrench: null, link_wrenches: [{name: elbow, link: forearm}]}"
+    )
+    arguments = ["--robot-host", "127.0.0.1", "--robot-port", "1", "--seconds", "0.5"]
+    arguments += ["--scene", str(tmp_path / "scene.yaml"), "--out", str(tmp_path / "x")]
+    result = CliRunner().invoke(record, arguments)
+    assert "link_wrenches.elbow: expected either" in result.output
+    fields = ",".join(f"output_double_register_{i}" for i in range(6))
+    variables = {"CONTACTSENSE_LINK_WRENCHES": f'{{"elbow": {{"fields": "{fields}"}}}}'}
+    result = CliRunner().invoke(record, arguments, env=variables)
+    assert "nothing was recorded: robot at 127.0.0.1:1" in result.output
+
+
 def test_without_an_address_it_says_what_is_missing(tmp_path: Path) -> None:
     result = CliRunner().invoke(record, ["--out", str(tmp_path)])
     assert result.exit_code == 1
@@ -123,3 +138,35 @@ def test_a_recording_is_converted_and_its_problems_are_named(tmp_path: Path) -> 
     result = CliRunner().invoke(record, arguments)
     assert result.exit_code == 1
     assert "carries no scene" in result.output
+
+
+FRAMES = """
+robot: ur5e
+tool: {mass: 1.0, primitives: [{kind: sphere, center: [0, 0, 0.1], radius: 0.05}]}
+base_wrench: {rpy: [0.1, 0.2, 0.3], translation: [0, 0, -0.05], sign: sensor_on_arm, bias: [1, 2, 3, 4, 5, 6], delay: 0.004}
+wrist_wrench: {rpy: [0, 0, 1], translation: [0, 0, 0.02], bias: [1, 1, 1, 0, 0, 0]}
+link_wrenches: [{name: elbow, link: forearm, rpy: [0.3, 0, 0], sign: sensor_on_arm, delay: 0.006}]
+joint_torque: {signal: external_torque, fields: [f0, f1, f2, f3, f4, f5], sign: on_arm, bias: 1.0}
+"""  # noqa: E501
+
+
+def test_a_converted_recording_is_read_by_the_same_scene(tmp_path: Path) -> None:
+    """Whatever the frames, signs, biases and delays of its sensors, also when it is converted again."""
+    chance = np.random.default_rng(2)
+    columns = {"timestamp": 0.002 * np.arange(40)} | {f"f{i}": chance.standard_normal(40) for i in range(6)}
+    for group in ("actual_q", "actual_qd", "base_wrench", "wrist_wrench", "elbow_wrench"):
+        columns |= {f"{group}_{i}": chance.standard_normal(40) for i in range(6)}
+    pa_parquet.write_table(pa.table(columns), tmp_path / "a.parquet")
+    (tmp_path / "scene.yaml").write_text(FRAMES)
+    scene = Scene.load(tmp_path / "scene.yaml")
+    original = read(tmp_path / "a.parquet", scene)
+    names = ["a.parquet", "b.csv", "c.parquet"]
+    for origin, out in pairwise(names):
+        arguments = ["--from", str(tmp_path / origin), "--out", str(tmp_path / out)]
+        result = CliRunner().invoke(record, [*arguments, "--scene", str(tmp_path / "scene.yaml")])
+        assert result.exit_code == 0, result.output
+        found = read(tmp_path / out, scene)
+        for name, values in original.columns().items():
+            np.testing.assert_allclose(found.columns()[name], values, atol=1e-9, err_msg=f"{out}: {name}")
+    assert original.joint_torque is not None
+    np.testing.assert_allclose(read(tmp_path / "c.parquet").joint_torque, original.joint_torque, atol=1e-9)

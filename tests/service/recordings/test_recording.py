@@ -106,6 +106,37 @@ def test_the_mark_with_which_spreadsheets_begin_a_file_is_no_part_of_a_name(tmp_
     np.testing.assert_array_equal(read(path, SCENE).t, expected)
 
 
+@pytest.mark.parametrize("delimiter", [", ", " , ", "\t"])
+def test_blanks_around_names_and_numbers_are_no_part_of_them(tmp_path: Path, delimiter: str) -> None:
+    found = columns()
+    (tmp_path / "a.csv").write_text(text(found, delimiter))
+    recording = read(tmp_path / "a.csv", SCENE)
+    np.testing.assert_array_equal(recording.q, table(found, "actual_q"))
+    assert recording.problems == ()
+
+
+def test_packed_files_and_names_in_capitals(tmp_path: Path) -> None:
+    found = columns()
+    packed = as_gzip(tmp_path, found).rename(tmp_path / "a.csv")
+    np.testing.assert_array_equal(read(packed, SCENE).q, table(found, "actual_q"))
+    capitals = as_parquet(tmp_path, found).rename(tmp_path / "A.PARQUET")
+    np.testing.assert_array_equal(read(capitals, SCENE).q, table(found, "actual_q"))
+
+
+@pytest.mark.parametrize("unit", ["ms", "us", "ns"])
+@pytest.mark.parametrize("zone", [None, "Europe/Berlin"])
+def test_dates_are_seconds_since_1970(tmp_path: Path, unit: str, zone: str | None) -> None:
+    found = columns()
+    start = 1_774_746_000.0  # half an hour before the clocks of Berlin are set forward
+    t = start + np.arange(N) * 0.002
+    dates = pa.array(np.round(t * {"ms": 1e3, "us": 1e6, "ns": 1e9}[unit]).astype(np.int64))
+    arrow = pa.table({**found, "timestamp": dates.cast(pa.timestamp(unit, zone))})
+    pa_parquet.write_table(arrow, tmp_path / "a.parquet", version="2.6")
+    recording = read(tmp_path / "a.parquet", SCENE)
+    np.testing.assert_allclose(recording.t, t, atol=1e-6)
+    assert recording.problems == ()
+
+
 def test_what_is_no_text_is_not_printed(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_bytes(np.random.default_rng(0).bytes(4000))
     with pytest.raises(RecordingError, match=r"a\.csv: expected a table as text, got binary data$"):

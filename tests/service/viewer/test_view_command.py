@@ -54,7 +54,7 @@ def table(tmp_path: Path) -> Path:
     for number, link in ((1, 3), (2, 2)):
         push = contact(SCENE, POSTURE, link, np.array([-0.2, 0.05, 0.1 * number]), probability=0.75)
         shares = np.zeros(7)
-        shares[link] = 0.75
+        shares[[link, link + 1]] = 0.7, 0.2
         found.append(
             ContactSummary(
                 "demo.parquet", 0, 9, number, 3.0 * number, 0.5, True, push.link, link, 0.75, shares,
@@ -72,7 +72,10 @@ def test_contacts_of_an_analysis_are_shown_as_they_were_found(table: Path) -> No
     truth = contact(SCENE, POSTURE, 3, np.array([-0.2, 0.05, 0.1]), probability=0.75)
     assert frame.estimate is not None
     (shown,) = frame.estimate.contacts
-    assert (shown.link, shown.probability, frame.estimate.other) == ("forearm", 0.75, 0.25)
+    assert (shown.link, shown.probability) == ("forearm", 0.75)
+    assert frame.estimate.status == "ambiguous"
+    assert frame.estimate.other == pytest.approx(0.1)  # the rest is that of another link
+    assert AnalysisSource(table, SCENE).note().endswith("over the whole contact: wrist_1 (20 %)")
     for name in ("point", "point_base", "normal_base", "force_base", "covariance"):
         np.testing.assert_array_equal(getattr(shown, name), getattr(truth, name))
     np.testing.assert_array_equal(frame.q, POSTURE)

@@ -1,0 +1,43 @@
+"""The scene in a recording's metadata, and in the file that `contactsense calibrate` writes."""
+
+from pathlib import Path
+
+import pytest
+
+from contactsense import Scene
+from contactsense.service.cli.calibrate import scene_text
+from contactsense.service.recordings.metadata import metadata, scene_of_meta
+
+CELL = """
+robot: ur5e
+mounting: wall
+tool:
+  mass: 1.0
+  primitives:
+    - {kind: sphere, center: [0, 0, 0], radius: 0.1}
+    - {kind: capsule, a: [0, 0, 0], b: [0, 0, 0.1], radius: 0.03}
+    - {kind: cylinder, a: [0, 0, 0], b: [0, 0, 0.1], radius_a: 0.04, radius_b: 0.03, rounding: 0.004}
+    - {kind: ellipsoid, center: [0, 0, 0.1], radii: [0.02, 0.03, 0.04]}
+    - {kind: box, center: [0, 0, 0.1], half: [0.05, 0.02, 0.02], rounding: 0.004}
+bodies:
+  - {name: post, primitives: [{kind: sphere, center: [0.5, 0, 0], radius: 0.1}]}
+wrist_wrench: {force_noise: 0.5}
+link_wrenches: [{name: elbow, link: forearm}]
+"""
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    (tmp_path / "cell.yaml").write_text(CELL, encoding="utf-8")
+    return tmp_path / "cell.yaml"
+
+
+def test_a_recording_carries_every_field_of_its_scene(file: Path) -> None:
+    scene = Scene.load(file)
+    assert scene_of_meta(metadata(scene), "a file").model_dump() == scene.model_dump()
+
+
+def test_a_calibrated_scene_keeps_the_surface_of_its_tool(file: Path) -> None:
+    scene = Scene.load(file)
+    file.write_text(scene_text(file, scene), encoding="utf-8")
+    assert Scene.load(file).model_dump() == scene.model_dump()
