@@ -182,3 +182,13 @@ def test_on_a_full_disk_nothing_is_posted_twice(tmp_path: Path, monkeypatch: pyt
 
         asyncio.run(scenario())
         assert (len(server.heard), told) == (1, [True])
+
+
+@pytest.mark.parametrize("url", ["http://127.0.0.1:1/stö\u00dfe", "http://[::1/hook", "http://a..b/hook"])
+def test_a_url_that_cannot_be_requested_is_reported_and_stops_nothing(url: str) -> None:
+    """It fails as one that nobody answers does, and the deliveries after it have their turn."""
+    webhook = WebhookAction(type="webhook", url=url, secret=SECRET, timeout=5.0)
+    with Journal() as journal:
+        told = deliver(journal, webhook, 2, lambda d, t: d.waiting("hook") == 0 and len(t) == 6)
+    assert not any(ok for ok, _ in told)
+    assert all(reason.startswith(f"{url}: ") for _, reason in told)
