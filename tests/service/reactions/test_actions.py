@@ -302,3 +302,67 @@ def test_an_executor_that_hangs_is_told() -> None:
         assert "hangs: no result after 1.1 s" in result["reason"]
     finally:
         client.close()
+
+
+class ScriptedExecutor:
+    """In place of the executor's process: it reports what a test says."""
+
+    def __init__(self, *_: object, **__: object) -> None:
+        read, self._write = os.pipe()
+        self.stdin, self.stdout = (
+            os.fdopen(os.open(os.devnull, os.O_WRONLY), "wb", 0),
+            os.fdopen(read, "rb", 0),
+        )
+
+    def report(self, task: str, ok: bool = True) -> None:
+        result = {"action": "a", "ok": ok, "reason": "", "took": 0.0, "task": task}
+        os.write(self._write, json.dumps(result).encode() + b"\n")
+
+    def kill(self) -> None:
+        os.close(self._write)
+
+    def wait(self) -> None:
+        pass
+
+
+@pytest.fixture
+def scripted(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[ExecutorClient, ScriptedExecutor]]:
+    """A client of one action with a limit of 2 s, one of which is grace."""
+    monkeypatch.setattr("contactsense.service.reactions.executor_client.subprocess.Popen", ScriptedExecutor)
+    client = ExecutorClient({"a": CommandAction(type="command", command=("true",), timeout=1.0)}, HOST)
+    process: Any = client._process
+    try:
+        yield client, process
+    finally:
+        client.close()
+
+
+@pytest.mark.parametrize("task", ["newest", "none"])
+def test_what_is_reported_of_another_decision_ends_no_waiting(
+    scripted: tuple[ExecutorClient, ScriptedExecutor], task: str
+) -> None:
+    """One that was skipped, or a preparation that failed: the decision that hangs hangs all the same."""
+    client, process = scripted
+    client.start("a", TOLD, 0.0)
+    if task == "newest":
+        client.start("a", TOLD, 1.9)
+    process.report(task, False)
+    assert [result["task"] for result in client.poll(1.95)] == [task]
+    (late,) = client.poll(2.1)
+    assert late["reason"] == "hangs: no result after 2 s"
+    assert late["took"] == pytest.approx(2.1)
+    process.report(task, False)
+    assert len(client.poll(2.2)) == 1  # it is not reported twice
+
+
+def test_a_decision_that_has_waited_for_another_does_not_hang(
+    scripted: tuple[ExecutorClient, ScriptedExecutor],
+) -> None:
+    client, process = scripted
+    client.start("a", TOLD, 0.0)
+    client.start("a", TOLD, 0.0)
+    process.report("oldest")
+    assert len(client.poll(1.9)) == 1
+    assert client.poll(3.8) == []
+    (late,) = client.poll(4.0)
+    assert "hangs" in late["reason"]
