@@ -246,3 +246,14 @@ def test_a_direction_in_the_links_frame_turns_with_it() -> None:
     hit = estimate(0.0, contact("shoulder", force_base=push))
     assert machine.step(sample(0.0, q=turned), hit)
     assert not zero.step(sample(0.0), hit)
+
+
+def test_a_window_that_is_announced_before_the_first_sample_opens_with_it() -> None:
+    machine = engine(
+        rule(), expected=[{"name": "insert", "links": ["forearm"], "force": 100.0, "timeout": 1.0}]
+    )
+    assert machine.announce("insert")
+    assert not run(machine, estimate(500.0), estimate(500.9, HIGH))
+    assert machine.windows == ("insert",)
+    assert run(machine, estimate(501.1, HIGH))
+    assert machine.windows == ()
