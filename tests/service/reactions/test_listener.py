@@ -252,3 +252,67 @@ def test_a_latch_whose_rule_is_gone_is_told_and_dropped() -> None:
             assert "no such level any more" in event["reason"]
         finally:
             made.listener.close()
+
+
+def test_a_level_that_begins_before_the_connection_lowers_the_slider_as_soon_as_there_is_one() -> None:
+    with rtde_server() as server:
+        made = Play(server)
+        try:
+            made.step(estimate(0.0, contact(newtons=20.0)))
+            made.until(lambda: made.inputs.get("speed_slider_fraction") == (0.1,))
+        finally:
+            made.listener.close()
+
+
+@pytest.mark.parametrize("ended", [False, True])
+def test_after_a_lost_connection_the_slider_is_lowered_again_while_the_level_lasts_and_not_later(
+    ended: bool,
+) -> None:
+    with rtde_server() as server:
+        made = Play(server)
+        made.until(lambda: made.code() == 0)
+        made.step(estimate(0.0, contact(newtons=20.0)))
+        made.until(lambda: made.inputs.get("speed_slider_fraction") == (0.1,))
+        if ended:
+            made.step(estimate(0.1))
+            made.until(lambda: made.inputs["speed_slider_fraction"] == (1.0,))
+    try:
+        made.until(lambda: made.state()["actions"]["slow"]["state"] == "failing")
+        with rtde_server(port=server.port) as again:
+            # As whoever moved it since has left it.
+            again.controller.inputs["speed_slider_fraction"] = (0.3,)
+            made.inputs = again.controller.inputs
+            made.until(lambda: made.code() in (0, 41))
+            for _ in range(100):
+                made.listener.tick(time.monotonic())
+                time.sleep(0.002)
+            assert made.inputs["speed_slider_fraction"] == ((0.3,) if ended else (0.1,))
+    finally:
+        made.listener.close()
+
+
+def test_a_recipe_that_was_refused_is_asked_for_once_by_the_next_connection() -> None:
+    """A second request for the same inputs would find them in use, by ourselves."""
+    taken = {"a": ["input_int_register_47"]}
+    with rtde_server() as server:
+        first, second = (RtdeInputs("127.0.0.1", server.port, taken) for _ in range(2))
+        _poll_until(first, lambda: first.ready)
+        _poll_until(second, lambda: bool(second.refused))
+        first.close()
+    _poll_until(second, lambda: bool(second.error))
+    assert not second.refused
+    with rtde_server(port=server.port):
+        _poll_until(second, lambda: second.ready)
+        deadline = time.monotonic() + 1.5
+        _poll_until(second, lambda: time.monotonic() > deadline)
+        assert second.ready
+        assert not second.refused
+    second.close()
+
+
+def _poll_until(inputs: RtdeInputs, condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + 10.0
+    while not condition():
+        assert time.monotonic() < deadline
+        inputs.poll(time.monotonic())
+        time.sleep(0.002)
