@@ -66,9 +66,13 @@ class LocateProcess:
         if self._waiting >= WAITING:
             raise LocateError(f"{WAITING} requests are waiting already; try again later")
         self._waiting += 1
+        # A request that is cancelled keeps its turn until its answer has come: the next one would read it.
+        return await asyncio.shield(self._locate_in_turn(list(samples), external))
+
+    async def _locate_in_turn(self, samples: list[StaticSample], external: bool) -> list[bytes]:
         try:
             async with self._turn:
-                return await asyncio.shield(asyncio.to_thread(self._ask, list(samples), external))
+                return await asyncio.to_thread(self._ask, samples, external)
         finally:
             self._waiting -= 1
 

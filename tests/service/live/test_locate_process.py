@@ -3,6 +3,7 @@
 import asyncio
 import os
 import signal
+import time
 
 import pytest
 
@@ -49,3 +50,31 @@ def test_a_service_that_ends_starts_nothing_any_more() -> None:
             await process.locate([SAMPLE], True)
 
     asyncio.run(scenario())
+
+
+def test_a_request_that_is_cancelled_keeps_its_turn_until_it_is_answered(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Both would wait on one connection, and the second would read the answer of the first."""
+    at_once: list[int] = []
+    working: list[object] = []
+
+    def ask(_: LocateProcess, samples: list[StaticSample], external: bool) -> list[bytes]:
+        working.append(samples)
+        at_once.append(len(working))
+        time.sleep(0.2)
+        working.remove(samples)
+        return [b"" for _ in samples]
+
+    async def scenario() -> None:
+        monkeypatch.setattr(LocateProcess, "_ask", ask)
+        process = LocateProcess(Scene(robot="ur5e"))
+        first = asyncio.create_task(process.locate([SAMPLE], True))
+        await asyncio.sleep(0.05)
+        first.cancel()
+        assert len(await process.locate([SAMPLE] * 2, True)) == 2
+        assert first.cancelled()
+        assert process._waiting == 0
+
+    asyncio.run(scenario())
+    assert at_once == [1, 1]
