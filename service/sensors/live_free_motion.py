@@ -45,7 +45,10 @@ def read_live_motion(
         last = time.monotonic()
         while not samples or samples[-1].t - samples[0].t < seconds:
             new = live.poll(0.1)
-            samples += new
+            for sample in new:
+                if samples and sample.t < samples[-1].t:  # the controller was restarted: begin anew
+                    samples.clear()
+                samples.append(sample)
             if new:
                 last = time.monotonic()
                 progress(samples[-1].t - samples[0].t)
