@@ -307,7 +307,10 @@ def test_an_executor_that_hangs_is_told() -> None:
 class ScriptedExecutor:
     """In place of the executor's process: it reports what a test says."""
 
+    started = 0
+
     def __init__(self, *_: object, **__: object) -> None:
+        type(self).started += 1
         read, self._write = os.pipe()
         self.stdin, self.stdout = (
             os.fdopen(os.open(os.devnull, os.O_WRONLY), "wb", 0),
@@ -319,7 +322,9 @@ class ScriptedExecutor:
         os.write(self._write, json.dumps(result).encode() + b"\n")
 
     def kill(self) -> None:
-        os.close(self._write)
+        if self._write >= 0:
+            os.close(self._write)
+        self._write = -1
 
     def wait(self) -> None:
         pass
@@ -366,3 +371,17 @@ def test_a_decision_that_has_waited_for_another_does_not_hang(
     assert client.poll(3.8) == []
     (late,) = client.poll(4.0)
     assert "hangs" in late["reason"]
+
+
+def test_an_executor_that_keeps_dying_is_started_once_a_second(
+    scripted: tuple[ExecutorClient, ScriptedExecutor],
+) -> None:
+    client, process = scripted
+    now, before = time.monotonic(), ScriptedExecutor.started
+    process.kill()
+    for later in (0.1, 0.5, 0.9):
+        client.poll(now + later)
+    assert ScriptedExecutor.started == before
+    client.poll(now + 1.1)
+    client.poll(now + 1.2)
+    assert ScriptedExecutor.started == before + 1

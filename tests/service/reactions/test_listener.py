@@ -82,8 +82,10 @@ def test_a_contact_a_collision_and_an_acknowledgement(play: Play) -> None:
     # Each recipe of inputs is a packet of its own.
     play.until(lambda: play.inputs.get("speed_slider_fraction") == (0.1,))
     play.until(lambda: play.inputs.get("input_bit_register_65") == (True,))
+    assert play.inputs["input_bit_register_66"] == (False,)
     play.step(estimate(0.1, contact(newtons=60.0)))
     play.until(lambda: play.code() == 42)
+    play.until(lambda: play.inputs["input_bit_register_66"] == (True,))
     assert play.inputs["input_double_register_47"][0] == pytest.approx(60.0)
     play.step(estimate(0.2))
     play.until(lambda: play.inputs["speed_slider_fraction"] == (1.0,))
@@ -104,6 +106,13 @@ def test_the_robot_program_acknowledges_by_a_bit(play: Play) -> None:
     play.server.controller.set_output("output_bit_register_70", (True,))
     play.until(lambda: play.code() == 0)
     assert "the robot program" in play.events("acknowledged")[0]["reason"]
+    # Only the way up acknowledges.
+    play.step(estimate(0.2, contact(newtons=60.0)))
+    play.until(lambda: play.code() == 42)
+    play.server.controller.set_output("output_bit_register_70", (False,))
+    play.until(lambda: play.listener._inputs_before["output_bit_register_70"] == 0)
+    assert play.code() == 42
+    assert len(play.events("acknowledged")) == 1
 
 
 def test_the_robot_program_announces_a_contact(play: Play) -> None:
@@ -127,7 +136,11 @@ def test_the_heartbeat_goes_on_without_samples(play: Play) -> None:
         return len(seen) == 2
 
     play.until(beats)
+    play.step(estimate(0.0))
+    play.until(lambda: play.inputs["input_bit_register_67"] == (False,))
+    last = time.monotonic()
     play.until(lambda: play.inputs["input_bit_register_67"] == (True,))  # no estimate: degraded
+    assert time.monotonic() - last < 2.0
 
 
 def test_nothing_is_written_before_the_latches_are_known() -> None:
