@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense.runtime.link_sensor_frame import LinkSensorFrame
+from contactsense.runtime.wrench_map import WrenchMap
 from contactsense.scene import Scene
 from contactsense.sensors.link_values import as_fields
 from contactsense.service.recordings.bag_files import BagFile, is_bag
@@ -19,7 +20,7 @@ from contactsense.service.recordings.problems import Problem, RecordingError
 from contactsense.service.recordings.recording import BLOCK, Recording, concatenate
 from contactsense.service.recordings.table_files import Columns, TableFile, chosen_rows, open_table
 from contactsense.service.sensors.robot_stream import SensorError
-from contactsense.service.sensors.signal_mapping import TorqueMap, WrenchMap
+from contactsense.service.sensors.signal_mapping import TorqueMap
 
 
 class RecordingFile:

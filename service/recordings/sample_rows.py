@@ -5,9 +5,9 @@ import time
 import numpy as np
 
 from contactsense.runtime.link_sensor_frame import LinkSensorFrame
+from contactsense.runtime.wrench_map import WrenchMap
 from contactsense.scene import Scene
 from contactsense.sensors.link_values import by_field, column_of
-from contactsense.service.sensors.signal_mapping import WrenchMap
 from contactsense.types import Estimate, Sample
 
 STATUS = ("none", "contact", "ambiguous", "multiple", "degraded")

@@ -9,11 +9,11 @@ import numpy as np
 from contactsense.calibration import FreeMotion
 from contactsense.calibration.free_motion import without_delays
 from contactsense.runtime.link_sensor_frame import LinkSensorFrame
+from contactsense.runtime.wrench_map import WrenchMap
 from contactsense.scene import Scene
 from contactsense.sensors.link_values import by_field
 from contactsense.service.sensors.live_source import LiveSource, SourceSettings
 from contactsense.service.sensors.robot_stream import SensorError
-from contactsense.service.sensors.signal_mapping import WrenchMap
 from contactsense.types import Sample
 
 _MIN_SHARE = 0.5

@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from contactsense import JointTorqueSensor, Localizer, Sample, Scene, WrenchSensor
+from contactsense.runtime.wrench_map import WrenchMap
 from contactsense.service.recordings import (
     ColumnMapping,
     MappingError,
@@ -21,7 +22,6 @@ from contactsense.service.recordings import (
 )
 from contactsense.service.recordings.cleaning import RowChecker
 from contactsense.service.recordings.metadata import metadata
-from contactsense.service.sensors.signal_mapping import WrenchMap
 
 N = 50
 SCENE = Scene(

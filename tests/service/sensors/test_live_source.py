@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from contactsense.robots.tool import Tool
+from contactsense.runtime.wrench_map import WrenchMap
 from contactsense.scene import JointTorqueSensor, LinkWrenchSensor, Scene, WrenchSensor
 from contactsense.service.mock.cell import TORQUE_CONSTANTS
 from contactsense.service.mock.controller import Controller
@@ -16,7 +17,6 @@ from contactsense.service.mock.servers import MockServers
 from contactsense.service.sensors.live_source import LiveSource, SourceSettings
 from contactsense.service.sensors.network_wrench import WrenchSource
 from contactsense.service.sensors.robot_stream import SensorError
-from contactsense.service.sensors.signal_mapping import WrenchMap
 from contactsense.service.wire.recipe import RtdeFieldError
 from tests.service.loopback import own_address, until
 from tests.service.sensors.mock_source import FEED, MOCK, SCENE, WRENCH, collect, settings_for
