@@ -114,16 +114,20 @@ class ExecutorClient:
     def _start(self, now: float) -> None:
         self._started = now
         # -P: do not import from a folder named contactsense in the user's working directory.
-        self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", MODULE],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            bufsize=0,
-        )
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        os.write(self._process.stdin.fileno(), self._setup)
+        try:
+            self._process = subprocess.Popen(
+                [sys.executable, "-P", "-m", MODULE],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+                bufsize=0,
+            )
+            assert self._process.stdin is not None
+            assert self._process.stdout is not None
+            os.write(self._process.stdin.fileno(), self._setup)
+        except OSError:  # no process or memory left, or it died at once: `poll` starts it again
+            self._end()
+            return
         os.set_blocking(self._process.stdin.fileno(), False)
         os.set_blocking(self._process.stdout.fileno(), False)
 
