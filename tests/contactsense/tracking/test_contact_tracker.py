@@ -1,6 +1,7 @@
 """A contact over time on constructed truth: it sharpens while it holds, it is followed where it slides."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -167,6 +168,23 @@ def test_force_and_wrench_are_the_newest(localizer: Localizer) -> None:
     assert np.linalg.norm(last.contacts[0].force_base) == pytest.approx(50.0, abs=1.5)
     assert np.linalg.norm(last.wrench[:3]) == pytest.approx(50.0, abs=1.5)
     np.testing.assert_allclose(last.contacts[0].point_base, point, atol=0.004)
+
+
+def test_without_a_base_sensor_a_changed_force_is_not_averaged_with_the_one_before() -> None:
+    """The torques of the two differ, though the place does not."""
+    torques = Localizer(Scene(robot=ARM, base_wrench=None, joint_torque=JointTorqueSensor(noise=1.0)))
+    light, heavy = (_samples(START + 2.4, _held, seed, 0.0, push)[0] for seed, push in ((4, 30.0), (5, 60.0)))
+    change = START + 1.2
+    felt = [one if one.t < change else other for one, other in zip(light, heavy, strict=True)]
+    samples = [replace(sample, base_wrench=None) for sample in felt]
+    force = {
+        round(sample.t - change, 3): np.linalg.norm(estimate.contacts[0].force_base)
+        for sample, estimate in zip(samples, torques.run(samples), strict=True)
+        if estimate.contacts
+    }
+    # Torques alone do not tell where on the link and how strong: the force is that which they determine.
+    assert force[0.2] / force[-0.1] == pytest.approx(2.0, rel=0.05)
+    assert force[1.1] / force[-0.1] == pytest.approx(2.0, rel=0.05)
 
 
 def test_contacts_end_and_are_numbered(localizer: Localizer) -> None:
