@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from contactsense import JointTorqueSensor, Scene
 from contactsense.benchmarks.calibration.recordings import read
@@ -98,6 +99,18 @@ def test_predictions_agree_with_independent_dynamics() -> None:
     assert scene.base_wrench is not None
     late = fitter.fit(setup.with_sensor(BASE, delay=0.03), (Free("delay", BASE),))
     assert late.setup.sensors[BASE].delay == pytest.approx(0.0, abs=4.0 * float(late.std[0]))
+
+
+@pytest.mark.parametrize(("correlation", "independent"), [(0.0, 1.0), (0.6, 0.25), (0.99, 0.05)])
+def test_correlated_residuals_count_as_fewer_rows(correlation: float, independent: float) -> None:
+    """The variance of the mean of a first-order process is (1 + r) / (1 - r) times that of white noise."""
+    case = right_setup("ur10e", 8, DRAWN)
+    readings = Readings.of(case.scene, [case.recording])
+    fitter = Fitter(case.scene, MotionBases({"ur10e": case.scene}, [case.recording]), readings)
+    noise = np.random.default_rng(0).standard_normal((50_000, len(fitter.noise)))
+    residual = 3.0 + lfilter([1.0], [1.0, -correlation], noise, axis=0)
+    fitter.set_effective_rows(residual)
+    np.testing.assert_allclose(fitter.effective, independent, rtol=0.05)
 
 
 @pytest.mark.long
