@@ -1,4 +1,4 @@
-"""YAML that a user has written: repeated keys are refused, errors are told in words."""
+"""YAML that a user has written: repeated keys are refused, errors are in words."""
 
 from pathlib import Path
 from typing import Any

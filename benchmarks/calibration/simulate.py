@@ -14,8 +14,8 @@ from contactsense import LinkWrenchSensor, Scene
 from contactsense.calibration import FreeMotion
 from contactsense.robots import Inertia, Link, Robot
 from contactsense.robots.tool import join_inertia, move_inertia
+from contactsense.runtime.wrench_map import WrenchMap
 from contactsense.service.mock.newton_euler import LinkLoad, inverse_dynamics, link_poses
-from contactsense.service.sensors.signal_mapping import WrenchMap
 
 
 class Motion(Protocol):

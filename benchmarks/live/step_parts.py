@@ -71,7 +71,7 @@ def _repeat(buffers: Buffers, part: int, times: int, bandwidth: float, readings:
             advance_torques(
                 state.model, state.torque_model, motion, (stream.qd, stream.torque, state.unbiased_wrench),
                 (stream.steps[TORQUE], stream.steps[TORQUE_DIFFERENCE]), (step, step), observers,
-                state.unmodelled_std,
+                state.stream_unmodelled_std,
                 state.bias_filter.friction_regressor,
             )  # fmt: skip
         elif part == NOISE:

@@ -21,7 +21,7 @@ from contactsense.kinematics.inverse_dynamics import inverse_dynamics
 from contactsense.kinematics.model import empty_motion
 from contactsense.residuals.momentum_observer import noise_variance_ratio
 from contactsense.runtime.constants import wrench_transform
-from contactsense.runtime.weight import reading_from_base_wrench
+from contactsense.runtime.wrench_map import WrenchMap
 from contactsense.scene import Scene
 from contactsense.sensors.settings import per_joint
 
@@ -86,7 +86,7 @@ def simulated_free_motion(scene: Scene, motion: FourierTrajectory, rate: float) 
     torque += friction(arm, FreeMotion(t, q, qd)) + arm.bias
     reading = None
     if scene.base_wrench is not None:
-        reading = reading_from_base_wrench(scene.base_wrench, wrench)
+        reading = WrenchMap.of(scene.base_wrench).reading(wrench)
     return FreeMotion(
         t,
         q,

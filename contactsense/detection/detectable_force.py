@@ -24,9 +24,9 @@ DETECTION = 0.9
 def detected_length(energy: float, degrees_of_freedom: int, detection: float = DETECTION) -> float:
     """Length of the mean residuals, in units of their noise, that is detected with that probability.
 
-    Twice the energy of "nothing touches" is distributed as noncentral chi-square, with one degree of freedom
-    per residual and the squared length of the mean residuals as its noncentrality (S. M. Kay, "Fundamentals
-    of statistical signal processing: detection theory", 1998, section 2.2.3).
+    Twice the energy of the no-contact hypothesis is distributed as noncentral chi-square, with one degree of
+    freedom per residual and the squared length of the mean residuals as its noncentrality (S. M. Kay,
+    "Fundamentals of statistical signal processing: detection theory", 1998, section 2.2.3).
 
     Args:
         energy: Threshold on that energy.

@@ -92,8 +92,17 @@ def follow_noise(
         dt: Time since its last reading [s]; 0 after a gap, negative: none in this sample.
     """
     noise = state.noise[sensor]
-    if dt < 0.0:
-        return
+    if dt >= 0.0:
+        _follow_reading(noise, last, reading, variance, dt)
+    # Without a reading, too: a single measurement in between has its own noise, as stated.
+    noise.scale = noise.mean_square if noise.mean_square > noise.limit else 1.0
+
+
+@kernel
+def _follow_reading(
+    noise: SensorNoise, last: np.ndarray, reading: np.ndarray, variance: np.ndarray, dt: float
+) -> None:
+    """Update the mean square by one reading; arguments as for `follow_noise`."""
     if dt == 0.0:
         noise.regular_samples = 0
     if noise.regular_samples > 1 and abs(dt - noise.last_step) > REGULAR * noise.last_step:
@@ -111,7 +120,6 @@ def follow_noise(
         # A running mean with that weight has the variance of 2 / weight - 1 equal weights.
         independent = size * min(noise.differences, 2.0 / weight - 1.0) / _CORRELATION
         noise.limit = 1.0 + SIGNIFICANT * math.sqrt(2.0 / independent)
-    noise.scale = noise.mean_square if noise.mean_square > noise.limit else 1.0
     for i in range(size):
         last[2, i], last[1, i], last[0, i] = last[1, i], last[0, i], reading[i]
     noise.regular_samples += 1

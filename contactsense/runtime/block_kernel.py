@@ -24,10 +24,10 @@ BlockInputs: TypeAlias = tuple[
 lists, each with a leading axis N."""
 BlockOutputs: TypeAlias = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 """Of each of the N samples: flags, int64; phase and number of the contact, shape (N, 2), int64; energy of
-"nothing touches", consistency levels (3), external base wrench (6) and its standard deviation (6), external
-joint torques (n), their standard deviation (n), biases (n) and friction above the scene's (n), shape (N, 16 +
-4 n); number of explanations, -1 where nothing touches, int64; where there is one, the row of the most
-probable one, shape (N, WIDTH), and the probability of each link, shape (N, links)."""
+the no-contact hypothesis, consistency levels (3), external base wrench (6) and its standard deviation (6),
+external joint torques (n), their standard deviation (n), biases (n) and friction above the scene's (n), shape
+(N, 16 + 4 n); number of explanations, -1 where nothing touches, int64; where there is one, the row of the
+most probable one, shape (N, WIDTH), and the probability of each link, shape (N, links)."""
 
 
 @kernel
@@ -59,7 +59,7 @@ def detect_and_localize_block(
     """
     constants, state = buffer_views(buffers)
     bandwidth, gate, relevant = settings
-    t, present, q, qd, torque, base_wrench, link_wrench = samples
+    t, sensor_bits, q, qd, torque, base_wrench, link_wrench = samples
     flags, phases, residuals, listed, best, link_probability = out
     n = state.torque.shape[0]
     first_lane = first - LANES
@@ -69,7 +69,7 @@ def detect_and_localize_block(
             first_lane = i
             fill_lanes(constants, state, i, q, qd, torque, base_wrench, lanes)
         found = relevant & detect_in_lane(
-            constants, state, bandwidth, lanes, i - first_lane, t[i], present[i],
+            constants, state, bandwidth, lanes, i - first_lane, t[i], sensor_bits[i],
             (q[i], qd[i], torque[i], base_wrench[i], link_wrench[i]),
         )  # fmt: skip
         if state.bias_filter.status[0].time_since_update == 0.0:

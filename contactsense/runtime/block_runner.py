@@ -87,23 +87,23 @@ class BlockRunner:
 
     def _inputs(self, block: SampleBlock) -> BlockInputs:
         """The samples as arguments of the kernel."""
-        present = np.zeros(len(block), dtype=np.int64)
+        sensor_bits = np.zeros(len(block), dtype=np.int64)
         values = []
         sensors = (block.base_wrench, block.joint_torque)
         for i, (value, size) in enumerate(zip(sensors, (6, self._joints), strict=True)):
             if value is None or not self._scene_sensors[i]:
                 value = np.zeros((len(block), size))
             else:
-                present += (~np.isnan(value).all(axis=1)).astype(np.int64) << i
+                sensor_bits += (~np.isnan(value).all(axis=1)).astype(np.int64) << i
             values.append(value)
         links = np.zeros((len(block), len(self._link_sensors), 6))
         given = block.link_values
         for s, name in enumerate(self._link_sensors):
             if name in given:
                 links[:, s] = given[name]
-                present += (~np.isnan(given[name]).all(axis=1)).astype(np.int64) << s + 2
+                sensor_bits += (~np.isnan(given[name]).all(axis=1)).astype(np.int64) << s + 2
         t, q, qd, torque, base = map(_writeable, (block.t, block.q, block.qd, values[1], values[0]))
-        return t, present, q, qd, torque, base, links
+        return t, sensor_bits, q, qd, torque, base, links
 
     def _collect(
         self, block: SampleBlock, residuals: np.ndarray, estimates: dict[int, Estimate]

@@ -172,20 +172,3 @@ def wrench_transform(rotation: np.ndarray, translation: np.ndarray) -> np.ndarra
     found[:3, :3] = found[3:, 3:] = rotation
     found[3:, :3] = cross_matrix(translation) @ rotation
     return found
-
-
-def base_wrench_from_reading(sensor: WrenchSensor, reading: np.ndarray) -> np.ndarray:
-    """Convert readings of the base sensor to the wrench of the arm on it, base axes, about the base origin.
-
-    Args:
-        sensor: Pose, sign and bias of the sensor.
-        reading: Force and moment as the sensor reports them, shape (..., 6) [N, Nm].
-
-    Returns:
-        Shape (..., 6) [N, Nm].
-    """
-    return np.asarray(
-        sensor.sign_factor
-        * (reading - np.array(sensor.bias))
-        @ wrench_transform(sensor.rotation, np.array(sensor.translation)).T
-    )

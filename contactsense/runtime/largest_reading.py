@@ -10,7 +10,8 @@ from contactsense.kinematics.model import Model, empty_motion
 from contactsense.runtime.constants import model_with_tool
 from contactsense.runtime.link_sensor_frame import LinkSensorFrame
 from contactsense.runtime.link_sensors import mounts
-from contactsense.runtime.weight import ArmWeight, reading_from_base_wrench
+from contactsense.runtime.weight import ArmWeight
+from contactsense.runtime.wrench_map import WrenchMap
 from contactsense.scene import Scene
 from contactsense.sensors.settings import WrenchSensor
 
@@ -34,17 +35,17 @@ def largest_reading_at_rest(scene: Scene, sensor: WrenchSensor) -> np.ndarray:
     Returns:
         Shape (6,), sensor axes, about its origin [N, Nm].
     """
-    weight = ArmWeight(scene)
+    weight, to_reading = ArmWeight(scene), WrenchMap.of(sensor).reading
     low, high = _reach(scene)
     postures = np.random.default_rng(0).uniform(low, high, (_POSTURES, len(low)))
-    readings = reading_from_base_wrench(sensor, np.array([weight.wrench(q) for q in postures]))
+    readings = to_reading(np.array([weight.wrench(q) for q in postures]))
     largest = np.abs(readings).max(axis=0)
     for component in (3, 4, 5):  # the force is the same in all postures
         start = int(np.abs(readings[:, component]).argmax())
         sign = float(np.sign(readings[start, component]))
 
         def opposite(q: np.ndarray, component: int = component, sign: float = sign) -> float:
-            return -sign * float(reading_from_base_wrench(sensor, weight.wrench(q))[component])
+            return -sign * float(to_reading(weight.wrench(q))[component])
 
         best = minimize(opposite, postures[start], method="L-BFGS-B", bounds=Bounds(low, high))
         largest[component] = max(largest[component], -best.fun)
@@ -97,7 +98,8 @@ def _reach(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 def _base(scene: Scene) -> tuple[Model, _Reading]:
     sensor = scene.base_wrench
     assert sensor is not None
-    return model_with_tool(scene), lambda _, wrench: reading_from_base_wrench(sensor, wrench)
+    fixed = WrenchMap.of(sensor)
+    return model_with_tool(scene), lambda _, wrench: fixed.reading(wrench)
 
 
 def _within(scene: Scene, field: str) -> tuple[Model, _Reading]:

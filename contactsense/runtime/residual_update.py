@@ -104,7 +104,7 @@ def update_residuals(
         (steps[TORQUE], steps[TORQUE_DIFFERENCE]),
         (of_joints, of_difference),
         state.observers,
-        state.unmodelled_std,
+        state.stream_unmodelled_std,
         state.bias_filter.friction_regressor,
     )
     observe_link_sensors(state, bandwidth)
@@ -135,8 +135,8 @@ def set_residuals(state: State) -> None:
 
 @inlined_kernel
 def follow_noise_and_timing(constants: Constants, state: State, bandwidth: float) -> None:
-    """Update what the newest sample tells of the sensors' noise, and the errors due to its instant and to the
-    acceleration.
+    """Update what the newest sample tells of the sensors' noise, and the errors due to its instant, to the
+    acceleration and to friction. A single measurement may have replaced them since the sample before.
 
     Args:
         constants, state: After the observers were advanced by this sample.
@@ -161,6 +161,7 @@ def follow_noise_and_timing(constants: Constants, state: State, bandwidth: float
     )
     advance_timing_error(state.timing_error, state.observers.joints.momentum, stream.steps[TORQUE], bandwidth)
     follow_inertia_torque(state.inertia_torque, state.timing_error.rate, stream.steps[TORQUE], bandwidth)
+    copy(state.stream_unmodelled_std, state.unmodelled_std)
 
 
 @inlined_kernel

@@ -117,7 +117,8 @@ class BlockEstimates:
     """Number of the contact, without contact that of the last one, shape (N,), int64. With several contacts,
     that of the first one."""
     energy: np.ndarray
-    """Energy of "nothing touches": half the squared residuals in units of their covariance, shape (N,)."""
+    """Energy of the no-contact hypothesis: half the squared residuals in units of their covariance, shape
+    (N,)."""
     consistency: np.ndarray
     """Mean square residuals in units of their variance, averaged over several seconds: base wrench, joint
     torques, consistency of the two, shape (N, 3)."""

@@ -128,7 +128,8 @@ def _update_residuals(
         advance_base(lanes, lane, of_base, base)
     if steps[TORQUE] >= 0.0:
         friction = state.bias_filter.friction_regressor
-        advance_joints(lanes, lane, steps[TORQUE], of_joints, joints, state.unmodelled_std, friction)
+        std = state.stream_unmodelled_std
+        advance_joints(lanes, lane, steps[TORQUE], of_joints, joints, std, friction)
     if steps[TORQUE_DIFFERENCE] >= 0.0:
         advance_torque_difference(lanes, lane, of_difference, difference)
     for i in range(6):

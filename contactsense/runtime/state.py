@@ -82,8 +82,11 @@ class State(NamedTuple):
     """The same for contacts distal to the sensor, consistent with `base_wrench` while the arm moves."""
     wrench_change: Annotated[Floats, "6"]
     """Scratch: difference between the newest wrench and its window mean [N, Nm]."""
+    stream_unmodelled_std: Annotated[Floats, "joints"]
+    """Standard deviation of each joint torque's model error in the stream, low-passed as the torque is
+    [Nm]."""
     unmodelled_std: Annotated[Floats, "joints"]
-    """Standard deviation of each joint torque's model error, low-passed as the torque is [Nm]."""
+    """That of `torque`: the same, or the one at rest for a single measurement [Nm]."""
     torque_variance: Annotated[Floats, "joints"]
     """Variance of `torque` from noise and model [Nm^2]."""
     link_variance: Annotated[Floats, "link_sensors, 6"]

@@ -33,7 +33,7 @@ _CONSISTENCY_TIME = 3.0 * AVERAGING_TIME
 """Residuals that are too large from the start are inconsistent by then [s]."""
 _FREE_TIME = 1.0
 """An arm that has been free for so long was held before [s]."""
-_UNTOLD = UNUSABLE | REPEATED | SETTLING | BLIND
+_UNINFORMATIVE = UNUSABLE | REPEATED | SETTLING | BLIND
 """Flags of samples that tell nothing."""
 _UNFIT = TOUCHED | INCONSISTENT
 
@@ -78,7 +78,7 @@ class StreamStart:
             self._seen |= present
             if not self.doubtful:
                 self._begin, self._decided, self._was_touched = t, False, False
-        if self._decided or flags & _UNTOLD:
+        if self._decided or flags & _UNINFORMATIVE:
             return False
         if self.doubtful:
             return self._goes_on(t, flags)

@@ -3,9 +3,8 @@
 import numpy as np
 
 from contactsense.robots.link_poses import link_poses
-from contactsense.runtime.constants import model_with_tool, wrench_transform
+from contactsense.runtime.constants import model_with_tool
 from contactsense.scene import Scene
-from contactsense.sensors.settings import WrenchSensor
 
 
 class ArmWeight:
@@ -30,17 +29,3 @@ class ArmWeight:
         poses = link_poses(self._robot, q)
         centres = np.einsum("lij,lj->li", poses[:, :3, :3], self._com) + poses[:, :3, 3]
         return np.concatenate((self.force, np.cross(self._masses @ centres, self._gravity)))
-
-
-def reading_from_base_wrench(sensor: WrenchSensor, wrench: np.ndarray) -> np.ndarray:
-    """Readings of the base sensor: the inverse of `contactsense.runtime.constants.base_wrench_from_reading`.
-
-    Args:
-        sensor: Pose, sign and bias of the sensor.
-        wrench: Wrench of the arm on it, base axes, about the base origin, shape (..., 6) [N, Nm].
-
-    Returns:
-        Force and moment as the sensor reports them, shape (..., 6) [N, Nm].
-    """
-    to_base = wrench_transform(sensor.rotation, np.array(sensor.translation))
-    return np.asarray(sensor.sign_factor * wrench @ np.linalg.inv(to_base).T + np.array(sensor.bias))

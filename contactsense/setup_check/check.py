@@ -1,4 +1,5 @@
-"""Check a scene against contact-free motion: which of its lines fit, which do not, which cannot be told.
+"""Check a scene against contact-free motion: which of its lines fit, which do not, which the motion does not
+determine.
 
 Every hypothesis changes one line and is fitted with all nuisances. The best of them is accepted if the
 evidence for it is strong and its change matters; the search then continues from the corrected setup, as
@@ -141,7 +142,7 @@ def check(
     order = lines(scene)
     rest.sort(key=lambda found: order.index(found.line))
     return SetupCheck(
-        (*wrong, *(rest if not unexplained else map(_untold, rest))),
+        (*wrong, *(rest if not unexplained else map(_undetermined, rest))),
         residuals_of(now.residual, wrench_fields(scene)),
         unexplained,
         sum(part.seconds for part in parts),
@@ -206,7 +207,7 @@ def _matters(before: Setup, fit: Fit) -> bool:
     )
 
 
-def _untold(found: Finding) -> Finding:
+def _undetermined(found: Finding) -> Finding:
     """The finding where readings remain that nothing explains: no line can be said to fit."""
     return replace(found, verdict="cannot_tell", remark="the readings are not explained")
 

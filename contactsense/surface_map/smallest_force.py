@@ -11,7 +11,7 @@ from contactsense.surface_map.sensor_response import wrench
 def detected_size(scene: Scene, detection: float) -> float:
     """Length of the mean residuals, in units of their noise, that is detected with that probability.
 
-    A measurement is a contact if the energy of "nothing touches" exceeds the threshold of the scene's
+    A measurement is a contact if the energy of the no-contact hypothesis exceeds the threshold of the scene's
     false-alarm rate (`contactsense.detection.detectable_force.detected_length`).
 
     Args:

@@ -27,7 +27,7 @@ class ContactHistory:
     phase: np.ndarray
     """Phase in each, shape (N,), int64: `NONE` in a pause after which the contact resumed."""
     energy: np.ndarray
-    """Energy of "nothing touches", shape (N,)."""
+    """Energy of the no-contact hypothesis, shape (N,)."""
     base_wrench: np.ndarray
     """External base wrench, low-passed, shape (N, 6) [N, Nm]."""
     base_wrench_std: np.ndarray

@@ -68,7 +68,7 @@ class ContactSummary:
     slides: bool
     """Whether the contact point moved for longer than it was at rest."""
     energy: float
-    """Largest energy of "nothing touches" during the contact."""
+    """Largest energy of the no-contact hypothesis during the contact."""
     q: np.ndarray
     """Joint positions at the time of the largest force [rad], shape (n,)."""
     smoothed: bool = False

@@ -23,7 +23,7 @@ class ResidualSummary:
     t: np.ndarray
     """Begin of each bin [s], shape (B,)."""
     energy: np.ndarray
-    """Largest energy of "nothing touches" in each, shape (B,)."""
+    """Largest energy of the no-contact hypothesis in each, shape (B,)."""
     base_force: np.ndarray
     """Largest external force on the base sensor [N], shape (B,)."""
     base_force_std: np.ndarray

@@ -10,7 +10,7 @@ from contactsense.scene import Scene
 
 def sample_table(rows: np.ndarray, found: BlockEstimates, scene: Scene) -> pa.Table:
     """One row per sample: `timestamp`, `row`, `flags` (bits, see `contactsense.sensors.stream_state`),
-    `energy` of "nothing touches"; external base wrench and joint torques (`base_wrench_0..5`,
+    `energy` of the no-contact hypothesis; external base wrench and joint torques (`base_wrench_0..5`,
     `joint_torque_0..`) with their standard deviation without contact (`..._std_0..`); and for the most
     probable explanation `contact`, `link`, `probability`, `torsion`, `point_0..2` (link frame),
     `point_base_0..2`, `force_base_0..2`, null if there is none.

@@ -48,8 +48,8 @@ class ContactSmoother:
 
     def __init__(self, scene: Scene) -> None:
         """Prepare for `scene`."""
-        # A separate localizer: `locate` would disturb a stream. Its constants are used, as they take long to
-        # build.
+        # A separate localizer: that of the recording is between two blocks. Its constants are used, as they
+        # take long to build.
         self._scene, self._localizer = scene, Localizer(scene)
         constants = self._localizer._buffers.constants
         self._surfaces, self._deviations = constants.surfaces, constants.deviations

@@ -18,7 +18,7 @@ from contactsense.service.live.hub import Hub
 from contactsense.service.live.scheduling import WEB, deprioritize, prioritize
 
 router = APIRouter()
-TRY_AGAIN, RESTARTED, REFUSED, NORMAL = 1013, 1012, 1008, 1000
+TRY_AGAIN, RESTARTED, NORMAL = 1013, 1012, 1000
 """Close codes of RFC 6455 and its registry."""
 
 

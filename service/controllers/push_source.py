@@ -135,8 +135,9 @@ class PushSource:
     def _refuse(self, error: MessageError, binary: bool) -> None:
         self._health.failures += 1
         if self._connection is not None:
-            # Do not wait for a service that reads no errors; a partial message would corrupt the stream.
+            # Do not wait for a service that reads no errors; a partial message would corrupt the stream. The
+            # controller may have hung up since.
             answer = frame(error_message(error, binary), binary)
-            with contextlib.suppress(BlockingIOError):
+            with contextlib.suppress(OSError):
                 if self._connection.send(answer) < len(answer):
                     self._connection.shutdown(socket.SHUT_RDWR)

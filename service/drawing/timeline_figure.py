@@ -8,7 +8,7 @@ from contactsense.service.drawing.palette import NOWHERE, link_colour
 
 
 def timeline_figure(analysis: Analysis) -> Any:
-    """Forces of the contacts over time, coloured by link, above the energy of "nothing touches"."""
+    """Forces of the contacts over time, coloured by link, above the energy of the no-contact hypothesis."""
     with figure_style():
         return _draw(analysis)
 

@@ -57,8 +57,11 @@ class Reader:
             self._due = (self._due if 0.0 <= late < self._interval else t) + self._interval
         if len(self._queue) >= self._size:
             _, left = self._queue.popleft()
-            following = self._queue[0][1] if self._queue else self._events
-            following.extendleft(reversed(left))
+            if left:
+                following = self._queue[0][1] if self._queue else self._events
+                events_since = (*left, *following)
+                following.clear()
+                following.extend(events_since)  # `extendleft` would drop the newest of too many
             self.lost += 1
             self.lost_in_all += 1
         self._queue.append((message, self._events))

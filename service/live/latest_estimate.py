@@ -5,8 +5,8 @@ import json
 from contactsense.runtime.stream_start import FROM_START
 
 LONE = 0.5
-"""Estimates that merely lack a reading are told after this time without any other [s]. The source of the
-samples tells how many lack it; a single one that happens to be the latest would make the status flap."""
+"""Estimates that merely lack a reading are reported after this time without any other [s]. The source of the
+samples reports how many lack it; a single one that happens to be the latest would make the status flap."""
 
 
 class LatestEstimate:
@@ -26,10 +26,10 @@ class LatestEstimate:
             self._bad_since = now
 
     def degraded(self, now: float) -> str:
-        """Why the latest estimate is degraded; empty if it is not, or if that is nothing to tell yet."""
+        """Why the latest estimate is degraded; empty if it is not, or if that is not to be reported yet."""
         if self._bad_since is None:
             return ""
         reason = str(json.loads(self.payload)["reason"])
-        of_sample = reason.removesuffix(f"; {FROM_START}")  # which is told as a doubt about the scene
+        of_sample = reason.removesuffix(f"; {FROM_START}")  # which is reported as a doubt about the scene
         lacks_only = all(part.endswith(" is missing") for part in of_sample.split("; "))
         return "" if lacks_only and now - self._bad_since < LONE else reason

@@ -66,15 +66,23 @@ class LocateProcess:
         if self._waiting >= WAITING:
             raise LocateError(f"{WAITING} requests are waiting already; try again later")
         self._waiting += 1
+        # A request that is cancelled keeps its turn until its answer has come: the next one would read it.
+        return await asyncio.shield(self._locate_in_turn(list(samples), external))
+
+    async def _locate_in_turn(self, samples: list[StaticSample], external: bool) -> list[bytes]:
         try:
             async with self._turn:
-                return await asyncio.shield(asyncio.to_thread(self._ask, list(samples), external))
+                return await asyncio.to_thread(self._ask, samples, external)
         finally:
             self._waiting -= 1
 
     async def start(self) -> None:
         """Start the process, which loads its kernels immediately."""
-        await asyncio.to_thread(self._started)
+        await asyncio.shield(self._start_in_turn())
+
+    async def _start_in_turn(self) -> None:
+        async with self._turn:
+            await asyncio.to_thread(self._started)
 
     def restart(self, scene: Scene) -> None:
         """Restart with another scene; a request in progress fails."""
@@ -90,20 +98,26 @@ class LocateProcess:
         with self._lock:
             if self._closed:
                 raise LocateError("the service ends")
-            if self._connection is None:
-                context = multiprocessing.get_context("spawn")
-                self._connection, theirs = context.Pipe()
-                self._process = context.Process(
-                    target=work, args=(theirs,), name="contactsense locate", daemon=True
-                )
-                self._process.start()
+            if self._connection is not None:
+                return self._connection
+            context = multiprocessing.get_context("spawn")
+            connection, theirs = context.Pipe()
+            process = context.Process(target=work, args=(theirs,), name="contactsense locate", daemon=True)
+            try:
+                process.start()
+            except BaseException:
+                connection.close()
+                raise
+            finally:
                 theirs.close()
-                # No argument of the process, see `contactsense.service.process_argument`. If it has been
-                # killed, the next request notices.
-                with contextlib.suppress(OSError):
-                    self._connection.send(self._scene)
-                self._answered = False
-            return self._connection
+            self._connection, self._process, scene = connection, process, self._scene
+            self._answered = False
+        # No argument of the process, see `contactsense.service.process_argument`, and without the lock: a
+        # large scene waits until the process has loaded its modules, and it may be killed before that. The
+        # next request notices.
+        with contextlib.suppress(OSError):
+            connection.send(scene)
+        return connection
 
     def _ask(self, samples: list[StaticSample], external: bool) -> list[bytes]:
         try:
@@ -126,14 +140,13 @@ class LocateProcess:
 
     def _end(self) -> None:
         with self._lock:
-            process, connection = self._process, self._connection
+            process = self._process
+            # The connection is closed as soon as no thread uses it any more.
             self._process = self._connection = None
         if process is not None:
             process.kill()  # clients can repeat a request in progress
             process.join()
             process.close()
-        if connection is not None:
-            connection.close()
 
 
 def work(connection: Connection) -> None:

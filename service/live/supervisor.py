@@ -53,7 +53,7 @@ _LOADING_SILENCE = 10.0
 _SILENCE = 1.5
 """A process that sends nothing for this time counts as hung [s]."""
 _STOPPED = 0.8
-"""A process that is stopped for this time is killed and restarted [s]; so it is told within a second."""
+"""A process that is stopped for this time is killed and restarted [s]; so it is reported within a second."""
 _LATE = 1.0
 """A delay of the event loop beyond this is reported [s]."""
 _PAUSE = (0.2, 5.0)

@@ -9,11 +9,12 @@ from contactsense.residuals.joint_friction import JointTorqueModel, friction_tor
 from contactsense.robots import Robot
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.tool import Tool
+from contactsense.runtime.wrench_map import WrenchMap
 from contactsense.scene import JointTorqueSensor, Scene, WrenchSensor
 from contactsense.sensors.settings import per_joint
 from contactsense.service.mock.script import Noise, Script, ScriptError
 from contactsense.service.sensors.robot_stream import SensorError
-from contactsense.service.sensors.signal_mapping import WrenchMap, torque_constants
+from contactsense.service.sensors.signal_mapping import torque_constants
 
 TORQUE_CONSTANTS = (10.0, 10.70, 8.46, 9.00, 9.48, 10.12)
 """Joint torque per motor current of a UR10e [Nm/A], as published with the recordings of S. Mamedov and

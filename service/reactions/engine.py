@@ -47,7 +47,8 @@ class _Window:
 
     expected: ExpectedContact
     links: frozenset[str]
-    opened: float
+    opened: float | None
+    """On the robot's clock [s]; None before the first sample."""
 
 
 @dataclass
@@ -114,8 +115,11 @@ class Engine:
             self._windows.clear()
             for state in self._levels:
                 state.above_since = None
-        for name in [n for n, w in self._windows.items() if t > w.opened + w.expected.timeout]:
-            del self._windows[name]
+        for name, window in list(self._windows.items()):
+            if window.opened is None:
+                window.opened = t
+            elif t > window.opened + window.expected.timeout:
+                del self._windows[name]
         degraded = estimate.status == "degraded"
         if not (estimate.contacts or estimate.other > 0.0 or self._busy or degraded):
             return ()
@@ -154,7 +158,8 @@ class Engine:
         """Open the window of an expected contact now; returns False if there is none of that name."""
         if name not in self._expected:
             return False
-        self._windows[name] = _Window(self._expected[name], self._window_links[name], self._t)
+        opened = self._t if math.isfinite(self._t) else None
+        self._windows[name] = _Window(self._expected[name], self._window_links[name], opened)
         return True
 
     def withdraw(self, name: str | None = None) -> None:

@@ -11,7 +11,7 @@ import queue
 import sys
 import threading
 import time
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import TypeAdapter
 
@@ -23,8 +23,13 @@ QUEUE = 8
 """Maximum number of decisions that wait for one action."""
 
 
-def _report(action: str, ok: bool, reason: str, took: float) -> None:
-    line = json.dumps({"action": action, "ok": ok, "reason": reason, "took": round(took, 6)})
+Task = Literal["oldest", "newest", "none"]
+"""Which of the decisions that an action was given and has not reported yet a report is about."""
+
+
+def _report(action: str, ok: bool, reason: str, took: float, task: Task) -> None:
+    result = {"action": action, "ok": ok, "reason": reason, "took": round(took, 6), "task": task}
+    line = json.dumps(result)
     os.write(sys.stdout.fileno(), line.encode() + b"\n")  # one write: lines of several threads do not mix
 
 
@@ -32,7 +37,7 @@ def _work(name: str, action: ExecutedAction, host: str, waiting: "queue.Queue[di
     try:
         action.prepare(host)
     except ActionError as error:
-        _report(name, False, str(error), 0.0)
+        _report(name, False, str(error), 0.0, "none")
     while True:
         decision = waiting.get()
         begin = time.monotonic()
@@ -42,7 +47,7 @@ def _work(name: str, action: ExecutedAction, host: str, waiting: "queue.Queue[di
             reason, ok = str(error), False
         except Exception as error:
             reason, ok = f"{type(error).__name__}: {error}", False
-        _report(name, ok, reason, time.monotonic() - begin)
+        _report(name, ok, reason, time.monotonic() - begin, "oldest")
 
 
 def main() -> None:
@@ -63,7 +68,8 @@ def main() -> None:
         try:
             queues[task["action"]].put_nowait(task["decision"])
         except queue.Full:
-            _report(task["action"], False, f"skipped: {QUEUE} decisions already wait for it", 0.0)
+            reason = f"skipped: {QUEUE} decisions already wait for it"
+            _report(task["action"], False, reason, 0.0, "newest")
     for action in actions.values():
         action.close()
     os._exit(0)  # do not wait for threads that hang

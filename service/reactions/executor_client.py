@@ -64,7 +64,8 @@ class ExecutorClient:
         return ""
 
     def poll(self, now: float) -> list[dict[str, Any]]:
-        """Return the results that have arrived: `action`, `ok`, `reason`, `took` [s]."""
+        """Return the results that have arrived: `action`, `ok`, `reason`, `took` [s], of a decision or of the
+        action's preparation."""
         if not self._actions:
             return []
         results: list[dict[str, Any]] = []
@@ -87,12 +88,18 @@ class ExecutorClient:
         elif chunk is not None:
             *lines, self._rest = (self._rest + chunk).split(b"\n")
             for line in lines:
-                result = json.loads(line)
-                if self._begun[result["action"]]:
-                    self._begun[result["action"]].pop(0)
-                self._hung.discard(result["action"])
-                results.append(result)
+                results.append(json.loads(line))
+                self._take(results[-1], now)
         return results + self._overdue(now)
+
+    def _take(self, result: dict[str, Any], now: float) -> None:
+        """Note which decision needs no more waiting, see `contactsense.service.reactions.executor.Task`."""
+        begun = self._begun[result["action"]]
+        if begun and result["task"] != "none":
+            begun.pop(0 if result["task"] == "oldest" else -1)
+        if result["task"] == "oldest":
+            self._hung.discard(result["action"])
+            begun[:1] = [now] * len(begun[:1])  # the next one has waited for it
 
     def _overdue(self, now: float) -> list[dict[str, Any]]:
         found = []
@@ -107,16 +114,20 @@ class ExecutorClient:
     def _start(self, now: float) -> None:
         self._started = now
         # -P: do not import from a folder named contactsense in the user's working directory.
-        self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", MODULE],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            bufsize=0,
-        )
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        os.write(self._process.stdin.fileno(), self._setup)
+        try:
+            self._process = subprocess.Popen(
+                [sys.executable, "-P", "-m", MODULE],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+                bufsize=0,
+            )
+            assert self._process.stdin is not None
+            assert self._process.stdout is not None
+            os.write(self._process.stdin.fileno(), self._setup)
+        except OSError:  # no process or memory left, or it died at once: `poll` starts it again
+            self._end()
+            return
         os.set_blocking(self._process.stdin.fileno(), False)
         os.set_blocking(self._process.stdout.fileno(), False)
 

@@ -46,7 +46,7 @@ class ReactionListener:
         executed = {n: a for n, a in rules.actions.items() if isinstance(a, ExecutedAction)}
         self._executor = ExecutorClient(executed, host or "")
         self._decision: Decision | None = None
-        self._slider_value: float | None = None
+        self._slider_due: float | None = None  # fraction that the controller does not have yet
         self._beat = False
         self._estimated = False
         self._degraded = True
@@ -86,6 +86,7 @@ class ReactionListener:
             self._inputs.poll(now)
             self._read_inputs()
             self._note_connection()
+            self._write_slider()
             if self._registers is not None and now - self._last_write >= self._registers.period - 0.001:
                 self._write()
         for result in self._executor.poll(now):
@@ -211,8 +212,9 @@ class ReactionListener:
             value = action.fraction if begins else action.restore
             if value is not None and self._inputs is not None:
                 self._health[name].started += 1
-                self._slider_value = value
-                written = self._inputs.write("speed_slider", (1, value))
+                self._slider_due = value
+                self._write_slider()
+                written = self._slider_due is None
                 self._note(name, written, "" if written else self._health[name].error or "not connected")
         elif begins and isinstance(action, WebhookAction):
             self._health[name].started += 1
@@ -254,8 +256,20 @@ class ReactionListener:
                     self._report_event(
                         ContactEvent(kind="action", t=self._t, action=name, reason=f"failed: {health.error}")
                     )
-                if before and not health.error and name == self._slider_name and self._slider_value:
-                    self._inputs.write("speed_slider", (1, self._slider_value))
+                if before and not health.error and name == self._slider_name:
+                    self._lower_slider_again()
+
+    def _lower_slider_again(self) -> None:
+        """After a lost connection the controller may have restarted. Once the level has ended, the slider
+        belongs to whoever has moved it since."""
+        if self._slider is not None and any(self._slider_name in d.actions for d in self._engine.active):
+            self._slider_due = self._slider.fraction
+
+    def _write_slider(self) -> None:
+        """Write the fraction that is due, if there is one and the controller can take it now."""
+        assert self._inputs is not None
+        if self._slider_due is not None and self._inputs.write("speed_slider", (1, self._slider_due)):
+            self._slider_due = None
 
     def _note(self, name: str, ok: bool, reason: str, took: float | None = None) -> None:
         """Record the result of an action for health and journal."""

@@ -102,6 +102,8 @@ class RtdeInputs:
             self._socket.close()
         self._socket, self._connected = None, False
         self._granted, self._output, self._asked = {}, None, []
+        # The next connection asks for all recipes.
+        self.refused, self._ask_again_at = {}, float("inf")
 
     def _resolve(self) -> None:
         try:

@@ -130,7 +130,8 @@ class Reactions:
             self._send({"type": "restore", "decisions": self._latched})
             return
         if not report["restored"]:  # its latches are not complete yet
-            report = {**report, "active": [*self._latched, *report["active"]]}
+            earlier = [decision for decision in self._latched if decision not in report["active"]]
+            report = {**report, "active": [*earlier, *report["active"]]}
         self._report = report
         latched = [d for d in report["active"] if d["level"] == "collision"]
         if latched != self._latched:

@@ -143,23 +143,21 @@ class WebhookDelivery:
             key = webhook.key()
         except ActionError as error:
             return False, 0, str(error)
-        request = urllib.request.Request(
-            webhook.url,
-            body.encode(),
-            {
-                "Content-Type": "application/json",
-                "webhook-id": webhook_id,
-                "webhook-timestamp": str(stamp),
-                "webhook-signature": sign(key, webhook_id, stamp, body.encode()),
-            },
-        )
+        headers = {
+            "Content-Type": "application/json",
+            "webhook-id": webhook_id,
+            "webhook-timestamp": str(stamp),
+            "webhook-signature": sign(key, webhook_id, stamp, body.encode()),
+        }
         try:
+            request = urllib.request.Request(webhook.url, body.encode(), headers)
             with self._opener.open(request, timeout=webhook.timeout) as answer:
                 return True, answer.status, f"answered {answer.status}"
         except urllib.error.HTTPError as error:
             with error:
                 return False, error.code, f"{webhook.url} answered {error.code}"
-        except (OSError, HTTPException) as error:
+        # A ValueError: the URL cannot be requested as it is, such as one with letters that are not ASCII.
+        except (OSError, HTTPException, ValueError) as error:
             reason = error.reason if isinstance(error, urllib.error.URLError) else error
             return False, 0, f"{webhook.url}: {reason}"
 

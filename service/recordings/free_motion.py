@@ -7,12 +7,12 @@ import numpy as np
 from contactsense.calibration import FreeMotion
 from contactsense.calibration.free_motion import without_delays
 from contactsense.runtime.link_sensor_frame import LinkSensorFrame
+from contactsense.runtime.wrench_map import WrenchMap
 from contactsense.scene import Scene
 from contactsense.sensors.timing import LONGEST_GAP
 from contactsense.service.recordings.column_mapping import ColumnMapping
 from contactsense.service.recordings.problems import Problem, RecordingError
 from contactsense.service.recordings.recording_file import RecordingFile
-from contactsense.service.sensors.signal_mapping import WrenchMap
 
 _SHORTEST = 3
 """Minimum number of samples between two clock resets; shorter sections are not used."""

@@ -1,5 +1,6 @@
 """From a file to a recording: its columns are found, checked and converted by the scene, block by block."""
 
+import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -8,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense.runtime.link_sensor_frame import LinkSensorFrame
+from contactsense.runtime.wrench_map import WrenchMap
 from contactsense.scene import Scene
 from contactsense.sensors.link_values import as_fields
 from contactsense.service.recordings.bag_files import BagFile, is_bag
@@ -18,7 +20,7 @@ from contactsense.service.recordings.problems import Problem, RecordingError
 from contactsense.service.recordings.recording import BLOCK, Recording, concatenate
 from contactsense.service.recordings.table_files import Columns, TableFile, chosen_rows, open_table
 from contactsense.service.sensors.robot_stream import SensorError
-from contactsense.service.sensors.signal_mapping import TorqueMap, WrenchMap
+from contactsense.service.sensors.signal_mapping import TorqueMap
 
 
 class RecordingFile:
@@ -243,7 +245,8 @@ class _Pending:
     """Shifts the readings of the force/torque sensors by their delays: a reading belongs to the instant
     `late` before its arrival.
 
-    Rows wait until the readings for their instant have arrived.
+    Rows wait until the readings for their instant have arrived; as many before them are kept, because a delay
+    may be negative. A clock that was set back begins a new stretch, whose readings are its own.
     """
 
     def __init__(self, late: float, links: Mapping[str, _LinkColumns]) -> None:
@@ -252,6 +255,7 @@ class _Pending:
         self._links = {field: link for field, link in links.items() if link.late != 0.0}
         self._longest = max([abs(late), *(abs(link.late) for link in self._links.values())])
         self._rest: Recording | None = None
+        self._taken = 0  # rows of the rest that have been returned
 
     def add(self, block: Recording) -> Recording:
         """The rows that are now complete."""
@@ -260,13 +264,20 @@ class _Pending:
             before, self._rest = self._rest, block
             return block[:0] if before is None else before
         whole = block if self._rest is None else concatenate([self._rest, block], block.name, {})
-        ready = int(np.searchsorted(whole.t, whole.t[-1] - self._longest)) if len(whole) else 0
-        self._rest = whole[ready:]
-        return self._shifted(whole)[:ready]
+        if len(whole) == 0:
+            self._rest = whole
+            return whole
+        taken, newest = self._taken, _stretches(whole.t)[-1]
+        t = whole.t[newest]
+        ready = int(np.searchsorted(t, t[-1] - self._longest))
+        kept = newest.start + int(np.searchsorted(t, t[ready] - self._longest))
+        ready += newest.start
+        self._rest, self._taken = whole[kept:], ready - kept
+        return self._shifted(whole)[taken:ready]
 
     def flush(self) -> Recording | None:
         """The remaining rows at the end."""
-        return None if self._rest is None else self._shifted(self._rest)
+        return None if self._rest is None else self._shifted(self._rest)[self._taken :]
 
     def _shifted(self, part: Recording) -> Recording:
         if len(part) == 0:
@@ -285,7 +296,17 @@ class _Pending:
 
 def _earlier(t: np.ndarray, values: np.ndarray, late: float) -> np.ndarray:
     """The values, shape (N, 6), that arrive `late` [s] after each of the times t, shape (N,) [s]."""
-    return np.column_stack([np.interp(t + late, t, column) for column in values.T])
+    found = np.empty_like(values)
+    for rows in _stretches(t):
+        for i in range(values.shape[1]):
+            found[rows, i] = np.interp(t[rows] + late, t[rows], values[rows, i])
+    return found
+
+
+def _stretches(t: np.ndarray) -> list[slice]:
+    """The rows between which the clock is not set back; at least one stretch."""
+    ends = [0, *(np.flatnonzero(np.diff(t) < 0.0) + 1).tolist(), len(t)]
+    return [slice(first, last) for first, last in itertools.pairwise(ends)]
 
 
 def read(

@@ -5,9 +5,9 @@ import time
 import numpy as np
 
 from contactsense.runtime.link_sensor_frame import LinkSensorFrame
+from contactsense.runtime.wrench_map import WrenchMap
 from contactsense.scene import Scene
 from contactsense.sensors.link_values import by_field, column_of
-from contactsense.service.sensors.signal_mapping import WrenchMap
 from contactsense.types import Estimate, Sample
 
 STATUS = ("none", "contact", "ambiguous", "multiple", "degraded")
@@ -20,9 +20,7 @@ class SampleRows:
     def __init__(self, scene: Scene) -> None:
         n = len(scene.robot.joints)
         self.joints = n
-        self._links = {
-            field: LinkSensorFrame(scene, field) for field in scene.link_sensors if field != "wrist_wrench"
-        }
+        self._links = {field: LinkSensorFrame(scene, field) for field in scene.link_sensors}
         self.names: tuple[str, ...] = (
             "timestamp",
             "host_time",
@@ -30,7 +28,6 @@ class SampleRows:
             *(f"actual_qd_{i}" for i in range(n)),
             *(f"joint_torque_{i}" for i in range(n)),
             *(f"base_wrench_{i}" for i in range(6)),
-            *(f"wrist_wrench_base_{i}" for i in range(6)),
             *(f"{column_of(field)}_{i}" for field in self._links for i in range(6)),
             "status",
             "link",
@@ -53,10 +50,7 @@ class SampleRows:
         if sample.base_wrench is not None:
             row[self._base] = sample.base_wrench
         at = 8 + 3 * n
-        if sample.wrist_wrench is not None:
-            row[at : at + 6] = sample.wrist_wrench
-        at += 6
-        values = by_field(None, sample.link_wrenches)
+        values = by_field(sample.wrist_wrench, sample.link_wrenches)
         for field in self._links:
             if field in values:
                 row[at : at + 6] = values[field]
@@ -69,14 +63,14 @@ class SampleRows:
             row[at + 6 : at + 9] = best.point_base
 
     def stored(self, rows: np.ndarray) -> np.ndarray:
-        """Rows in the form that is stored: the wrenches on the base sensor and on the sensors of
-        `Scene.link_wrenches` are converted back to each sensor's own frame and sign, so that the scene still
-        applies when the file is read."""
+        """Rows in the form that is stored: the wrenches on the base sensor and on the link sensors are
+        converted back to each sensor's own frame and sign, so that the scene still applies when the file is
+        read. Changes `rows`."""
         if self._map is not None:
             rows[:, self._base] = self._map.reading(rows[:, self._base])
         q = rows[:, 2 : 2 + self.joints]
         for i, frame in enumerate(self._links.values()):
-            first = 14 + 3 * self.joints + 6 * i
+            first = 8 + 3 * self.joints + 6 * i
             rows[:, first : first + 6] = frame.readings(q, rows[:, first : first + 6])
         return rows
 

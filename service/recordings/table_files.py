@@ -182,12 +182,12 @@ class _ParquetFolder:
     ) -> Iterator[tuple[int, Columns]]:
         row = 0
         for part in self._parts:
-            first = row
+            begin = row
             for _, columns in part.batches(names):
                 yield row, columns
                 row += len(next(iter(columns.values())))
             self.problems += [
-                Problem(p.row_from + first, p.row_to + first, p.kind, p.message) for p in part.problems
+                Problem(p.row_from + begin, p.row_to + begin, p.kind, p.message) for p in part.problems
             ]
 
 

@@ -14,7 +14,8 @@ from contactsense.robots.units import FURTHEST
 from contactsense.runtime.largest_reading import RAMP_TIME, largest_reading_at_rest, largest_reading_in_motion
 from contactsense.runtime.link_prior import area_share, link_probability
 from contactsense.runtime.scene_surfaces import scene_surfaces
-from contactsense.runtime.weight import ArmWeight, reading_from_base_wrench
+from contactsense.runtime.weight import ArmWeight
+from contactsense.runtime.wrench_map import WrenchMap
 from contactsense.scene import Scene
 from contactsense.sensors.settings import WrenchSensor
 
@@ -65,7 +66,7 @@ def as_plain(scene: Scene, q: np.ndarray) -> dict[str, Any]:
         "gravity_base": scene.gravity_base.tolist(),
         "q": q.tolist(),
         "base_reading_at_rest": (
-            None if sensor is None else reading_from_base_wrench(sensor, weight.wrench(q)).tolist()
+            None if sensor is None else WrenchMap.of(sensor).reading(weight.wrench(q)).tolist()
         ),
         "largest_base_reading_at_rest": None
         if sensor is None
@@ -143,7 +144,7 @@ def _base_sensor(scene: Scene, weight: ArmWeight, q: np.ndarray) -> tuple[Line, 
     sensor = scene.base_wrench
     if sensor is None:
         return (Line("base_wrench", "none"),)
-    reading = reading_from_base_wrench(sensor, weight.wrench(q))
+    reading = WrenchMap.of(sensor).reading(weight.wrench(q))
     largest = largest_reading_at_rest(scene, sensor)
     limits = "range unknown"
     if sensor.range is not None:

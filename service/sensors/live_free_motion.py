@@ -9,11 +9,11 @@ import numpy as np
 from contactsense.calibration import FreeMotion
 from contactsense.calibration.free_motion import without_delays
 from contactsense.runtime.link_sensor_frame import LinkSensorFrame
+from contactsense.runtime.wrench_map import WrenchMap
 from contactsense.scene import Scene
 from contactsense.sensors.link_values import by_field
 from contactsense.service.sensors.live_source import LiveSource, SourceSettings
 from contactsense.service.sensors.robot_stream import SensorError
-from contactsense.service.sensors.signal_mapping import WrenchMap
 from contactsense.types import Sample
 
 _MIN_SHARE = 0.5
@@ -37,8 +37,7 @@ def read_live_motion(
         progress: Called with the time read so far [s].
 
     Raises:
-        SensorError: No samples arrive, or fewer than three; the robot was restarted; or the sources lack a
-            signal of the scene.
+        SensorError: No samples arrive, or fewer than three; or the sources lack a signal of the scene.
     """
     scene = without_delays(scene)
     samples: list[Sample] = []
@@ -46,12 +45,10 @@ def read_live_motion(
         last = time.monotonic()
         while not samples or samples[-1].t - samples[0].t < seconds:
             new = live.poll(0.1)
-            samples += new
-            if samples and samples[-1].t < samples[0].t:
-                raise SensorError(
-                    f"{settings.robot_host}: the robot's clock was set back from {samples[0].t:.1f} to "
-                    f"{samples[-1].t:.1f} s, as by a restart; read it again"
-                )
+            for sample in new:
+                if samples and sample.t < samples[-1].t:  # the controller was restarted: begin anew
+                    samples.clear()
+                samples.append(sample)
             if new:
                 last = time.monotonic()
                 progress(samples[-1].t - samples[0].t)

@@ -9,6 +9,7 @@ from typing import Literal, Protocol
 import numpy as np
 
 from contactsense.runtime.link_sensor_frame import LinkSensorFrame
+from contactsense.runtime.wrench_map import WrenchMap
 from contactsense.scene import Scene
 from contactsense.sensors.link_values import as_fields
 from contactsense.service.sensors import netft_client as netft
@@ -26,7 +27,7 @@ from contactsense.service.sensors.plausibility import (
 from contactsense.service.sensors.recent_trouble import RecentTrouble
 from contactsense.service.sensors.robot_stream import RobotRecord, RobotStream, SensorError
 from contactsense.service.sensors.rtde_client import RtdeStream
-from contactsense.service.sensors.signal_mapping import TorqueMap, WrenchMap
+from contactsense.service.sensors.signal_mapping import TorqueMap
 from contactsense.service.sensors.source_health import SourceHealth
 from contactsense.service.sensors.stuck_channels import ArmState, StuckChannels
 from contactsense.service.sensors.ur_rtde_client import UrRtdeStream

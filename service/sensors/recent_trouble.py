@@ -73,7 +73,7 @@ _READINGS_LOST = (
 
 
 class RecentTrouble:
-    """Tells the problems of the last second; shares as long as `HeldShare` holds them."""
+    """Reports the problems of the last second; shares as long as `HeldShare` holds them."""
 
     def __init__(self) -> None:
         self._shares: dict[Hashable, HeldShare] = {}
@@ -98,10 +98,10 @@ class RecentTrouble:
 
     def _of_sensor(self, now: float, field: str, counts: Counter[Event], expected: float) -> list[str]:
         """One line for each problem of a sensor, whose samples are so many as expected."""
-        said = [
+        lines = [
             f"{field}: {text}" for what, text in _OF_SENSOR.items() if counts[SensorEvent(field, what)] > 2
         ]
-        said += [
+        lines += [
             _STUCK.format(field=field, channel=event.channel)
             for event in sorted(event for event in counts if isinstance(event, SensorEvent))
             if (event.field, event.what) == (field, "stuck") and counts[event] > 2
@@ -109,14 +109,14 @@ class RecentTrouble:
         lost, received = (counts[SensorEvent(field, what)] for what in ("lost", "received"))
         share = lost / max(lost + received, 1)
         if share := self._held(now, SensorEvent(field, "lost"), share, LOST_READINGS):
-            said.append(f"{field}: {_READINGS_LOST.format(share=share)}")
-        # What is told by its cause must not be told again by its share when the cause is over.
+            lines.append(f"{field}: {_READINGS_LOST.format(share=share)}")
+        # What is reported by its cause must not be reported again by its share when the cause is over.
         lacking = SensorEvent(field, "lacking")
-        share = self._held(now, lacking, 0.0 if said else counts[lacking] / expected, WITHOUT_WRENCH)
-        if share and not said:
-            said.append(f"{field}: {_LACKING.format(share=share)}")
-        return said
+        share = self._held(now, lacking, 0.0 if lines else counts[lacking] / expected, WITHOUT_WRENCH)
+        if share and not lines:
+            lines.append(f"{field}: {_LACKING.format(share=share)}")
+        return lines
 
     def _held(self, now: float, event: Event, share: float, limit: float) -> float:
-        """The share to tell, 0 for none."""
+        """The share to report, 0 for none."""
         return self._shares.setdefault(event, HeldShare(limit)).update(now, min(1.0, share))

@@ -13,7 +13,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 
 from contactsense.service.sensors.robot_stream import (
     NS,
@@ -106,8 +106,9 @@ class UrRtdeStream:
             if pause > 0.0:
                 time.sleep(min(pause, timeout))
                 return []
-            self._spawn()
         try:
+            if self._child is None:
+                self._spawn()
             records = self._receive(timeout)
         except SensorError as error:
             self._fail(str(error))
@@ -119,26 +120,29 @@ class UrRtdeStream:
         return records
 
     def _spawn(self) -> None:
-        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        self._stderr, child_stderr = os.pipe()
-        os.set_blocking(self._stderr, False)
         self._words = b""
         self._end = None
-        command = [sys.executable, "-m", "contactsense.service.sensors.ur_rtde_child"]
-        command += [str(theirs.fileno()), self._host, str(self._frequency), *self._fields]
-        try:
-            self._child = subprocess.Popen(
-                command,
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=child_stderr,
-                pass_fds=(theirs.fileno(),),
-            )
-        finally:
-            theirs.close()
-            os.close(child_stderr)
-        ours.setblocking(False)
-        self._channel = ours
+        with ExitStack() as of_the_child:
+            try:
+                self._channel, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+                of_the_child.enter_context(theirs)
+                self._stderr, child_stderr = os.pipe()
+                of_the_child.callback(os.close, child_stderr)
+                command = [sys.executable, "-m", "contactsense.service.sensors.ur_rtde_child"]
+                command += [str(theirs.fileno()), self._host, str(self._frequency), *self._fields]
+                self._child = subprocess.Popen(
+                    command,
+                    stdin=subprocess.DEVNULL,
+                    stdout=subprocess.DEVNULL,
+                    stderr=child_stderr,
+                    pass_fds=(theirs.fileno(),),
+                )
+            except OSError as error:
+                raise SensorError(
+                    f"the process of ur_rtde cannot be started: {error.strerror or error}"
+                ) from None
+        self._channel.setblocking(False)
+        os.set_blocking(self._stderr, False)
         self._deadline_ns = time.monotonic_ns() + self._timeout_ns
 
     def _receive(self, timeout: float) -> list[RobotRecord]:
@@ -213,7 +217,9 @@ class UrRtdeStream:
         if self._channel is not None:
             self._channel.close()
             self._channel = None
+        if self._stderr >= 0:
             os.close(self._stderr)
+            self._stderr = -1
 
     def close(self) -> None:
         """Terminate the child; later polls return nothing."""

@@ -11,7 +11,8 @@ from pydantic import ValidationError
 from contactsense import JointTorqueSensor, Localizer, Scene, SceneError, WrenchSensor, robots
 from contactsense.robots.primitives import Sphere
 from contactsense.robots.tool import Tool
-from contactsense.runtime.constants import base_wrench_from_reading, build_constants
+from contactsense.runtime.constants import build_constants
+from contactsense.runtime.wrench_map import WrenchMap
 
 
 def test_the_robot_name_suffices() -> None:
@@ -252,10 +253,10 @@ def test_a_sensors_own_frame_sign_and_place_are_mapped_to_the_base() -> None:
     about_sensor = wrench[3:] - np.cross([0.0, 0.0, -0.04], wrench[:3])
     turn = np.diag([-1.0, -1.0, 1.0])
     reading = -np.concatenate((turn @ wrench[:3], turn @ about_sensor))
-    np.testing.assert_allclose(base_wrench_from_reading(sensor, reading), wrench, atol=1e-12)
-    np.testing.assert_allclose(
-        base_wrench_from_reading(sensor, np.stack([reading] * 3)), np.stack([wrench] * 3), atol=1e-12
-    )
+    found = WrenchMap.of(sensor)
+    np.testing.assert_allclose(found.wrench(reading), wrench, atol=1e-12)
+    np.testing.assert_allclose(found.wrench(np.stack([reading] * 3)), np.stack([wrench] * 3), atol=1e-12)
+    np.testing.assert_allclose(found.reading(wrench), reading, atol=1e-12)
 
 
 def test_noise_about_the_sensor_is_carried_to_the_base_origin() -> None:

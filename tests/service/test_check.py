@@ -4,7 +4,6 @@ import json
 from dataclasses import replace
 from io import StringIO
 from pathlib import Path
-from typing import Self
 
 import numpy as np
 import pytest
@@ -24,7 +23,7 @@ from contactsense.service.mock.servers import MockServers, MockSettings
 from contactsense.service.mock.simulated_arm import simulate
 from contactsense.service.recordings.export import write_columns
 from contactsense.service.recordings.free_motion import read_free_motion
-from contactsense.service.sensors.live_free_motion import _free_motion, read_live_motion
+from contactsense.service.sensors.live_free_motion import _free_motion
 from contactsense.service.sensors.live_source import SourceSettings
 from contactsense.service.sensors.robot_stream import SensorError
 from contactsense.setup_check import Finding, Residuals, SetupCheck
@@ -212,30 +211,6 @@ def test_sensors_without_an_option_are_those_of_the_environment(
     assert settings.robot_host == "192.0.2.1"
     assert settings.wrist_fields == ("actual_TCP_force",)
     assert settings.link_wrenches["elbow"].fields == tuple(fields)
-
-
-class _Restarted:
-    """A robot that is restarted after a second of samples."""
-
-    def __init__(self, *_: object) -> None:
-        self._t = 5000.0
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        return
-
-    def poll(self, timeout: float) -> list[Sample]:
-        self._t = 0.0 if self._t > 5001.0 else self._t + 0.1
-        return [Sample(self._t, np.zeros(6), np.zeros(6), np.zeros(6))]
-
-
-def test_a_robot_that_restarts_meanwhile_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    """By its clock, twenty seconds would take as long as it had been on."""
-    monkeypatch.setattr("contactsense.service.sensors.live_free_motion.LiveSource", _Restarted)
-    with pytest.raises(SensorError, match=r"192\.0\.2\.1: the robot's clock was set back from 5000\.1 to"):
-        read_live_motion(Scene(robot="ur5e"), SourceSettings(robot_host="192.0.2.1"), 20.0, lambda _: None)
 
 
 @pytest.mark.parametrize("field", [WRIST, ELBOW])

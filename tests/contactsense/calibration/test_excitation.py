@@ -1,5 +1,7 @@
 """Proposed motions keep to what was asked, and a calibration from one finds all that was promised."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -93,6 +95,20 @@ def test_it_respects_limits_and_clearance(proposal: Proposal) -> None:
     assert proposal.nearest >= SETTINGS.clearance
 
 
+def test_it_keeps_a_distance_from_narrow_position_limits() -> None:
+    low, high = HOME - 0.3, HOME + 0.2
+    joints = [
+        replace(joint, position_limits=(float(a), float(b)))
+        for joint, a, b in zip(SEARCHED.robot.joints, low, high, strict=True)
+    ]
+    robot = replace(SEARCHED.robot, joints=tuple(joints))
+    scene = SEARCHED.model_copy(update={"robot": robot})
+    found = propose_excitation(scene, ExcitationSettings(seconds=8.0), trials=3)
+    q, _, _ = found.motion.at(np.arange(0.0, 8.0, 0.01))
+    assert (q > low + 0.049).all()
+    assert (q < high - 0.049).all()
+
+
 def test_clearance_includes_the_table_and_self_collision() -> None:
     clearance = Clearance(SEARCHED, HOME, 0.05)
     down = np.array([0.0, 0.5, 0.0, -1.0, 0.8, 0.0])  # upper arm below the horizontal
@@ -100,6 +116,9 @@ def test_clearance_includes_the_table_and_self_collision() -> None:
     folded[2] = 3.0  # forearm laid onto the upper arm
     assert clearance.lowest(np.array([HOME, down]))[0] > 0.1
     assert clearance.lowest(np.array([HOME, down]))[1] < 0.0
+    # Of an upright arm the upper arm's end at the shoulder, 0.16 m above the table, is the lowest.
+    upright = np.array([0.0, -np.pi / 2, 0.0, -np.pi / 2, 0.0, 0.0])
+    assert 0.05 < clearance.lowest(upright[None])[0] < 0.16
     assert clearance.nearest(np.array([HOME, folded]))[0] > 0.05
     assert clearance.nearest(np.array([HOME, folded]))[1] < 0.05
 

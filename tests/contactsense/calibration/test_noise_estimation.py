@@ -90,6 +90,22 @@ def test_the_instants_of_the_samples_are_no_model_error() -> None:
     assert unknown.model_error.min() > 1.0
 
 
+def test_an_error_at_rest_is_not_underestimated() -> None:
+    """For joints that are at rest, or nearly, for half of the time."""
+    rest_error, velocity, chance = 2.0, 0.05, np.random.default_rng(9)
+    qd, half = _velocities(), SAMPLES // 2
+    qd[:half] = 0.5 * velocity * np.sin(0.7 * DT * np.arange(half))[:, None]
+    drift = np.repeat(chance.standard_normal((SAMPLES // 100, 2)), 100, axis=0)
+    error = rest_error / (1.0 + (qd / velocity) ** 2) * drift
+    residual = NOISE * np.sqrt(RATIO) * chance.standard_normal(qd.shape) + error
+    nothing = np.zeros(qd.shape)
+    found = estimate_noise([JointResiduals(residual, qd, nothing, nothing, nothing)], DT, RATIO)
+    assert found.rest_velocity == velocity
+    assert (found.rest_error > rest_error).all()
+    assert (found.rest_error < 1.5 * rest_error).all()
+    assert (found.model_error < 0.2).all()
+
+
 @pytest.mark.parametrize("relative", [0.0, 0.1, 0.3])
 def test_one_residual_in_a_thousand_exceeds_3_29_standard_deviations(relative: float) -> None:
     """Also where the tail is heavier than that of a Gaussian: Student's t of four degrees of freedom."""

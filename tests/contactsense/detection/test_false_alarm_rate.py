@@ -1,13 +1,24 @@
 """Alarms come as seldom as stated: the law for filtered noise, held against simulated noise."""
 
+import itertools
+
 import numpy as np
 import pytest
+from scipy.stats import chi, chi2
 
+from contactsense import LinkWrenchSensor, Scene
+from contactsense.detection.detectable_force import detectable_force
 from contactsense.detection.false_alarm_rate import (
     false_alarms_per_hour,
     onset_threshold,
     release_threshold,
     sample_threshold,
+)
+from contactsense.detection.thresholds import (
+    degrees_of_freedom_of,
+    sensor_set,
+    stream_thresholds,
+    threshold_index,
 )
 from contactsense.residuals.momentum_observer import (
     MomentumObserver,
@@ -85,3 +96,57 @@ def test_fewer_alarms_and_faster_observers_need_higher_thresholds() -> None:
     assert sample_threshold(0.01, 12, 10.0) < onset_threshold(
         0.01, 12, 10.0, 0.002
     )  # a stream has many looks
+
+
+@pytest.mark.parametrize("degrees_of_freedom", [1, 6, 18])
+@pytest.mark.parametrize("energy", [12.0, 25.0])
+def test_the_rate_of_a_continuous_process_is_the_flux_at_the_level(
+    degrees_of_freedom: int, energy: float
+) -> None:
+    """The length R of an Ornstein-Uhlenbeck process of correlation time 1 / K crosses a high level at the
+    rate -K dp/dR, with p the density of a chi distribution."""
+    bandwidth, dt, step = 10.0, 1e-14, 1e-4
+    radius = np.sqrt(2.0 * energy)
+    density = chi(degrees_of_freedom).pdf
+    slope = (density(radius + step) - density(radius - step)) / (2.0 * step)
+    expected = -3600.0 * 2.0 * np.pi * bandwidth * slope
+    found = false_alarms_per_hour(energy, degrees_of_freedom, bandwidth, dt)
+    assert found == pytest.approx(expected, rel=1e-4)
+
+
+@pytest.mark.parametrize("degrees_of_freedom", [1, 12])
+def test_single_measurements_are_as_many_as_a_stream_decides_independently(degrees_of_freedom: int) -> None:
+    per_hour, bandwidth = 0.5, 10.0
+    energy = sample_threshold(per_hour, degrees_of_freedom, bandwidth)
+    decisions_per_hour = 3600.0 * 2.0 * np.pi * bandwidth
+    assert chi2(degrees_of_freedom).sf(2.0 * energy) * decisions_per_hour == pytest.approx(per_hour)
+
+
+def test_noise_alone_exceeds_the_release_threshold_in_one_sample_of_a_hundred() -> None:
+    squares = np.random.default_rng(0).chisquare(12, 400_000)
+    assert np.mean(0.5 * squares > release_threshold(12)) == pytest.approx(0.01, rel=0.05)
+
+
+def test_each_link_sensor_adds_six_residuals() -> None:
+    assert degrees_of_freedom_of(7, (True, True, 0b1011)) == 6 + 7 + 18
+    assert degrees_of_freedom_of(7, (False, True, 0)) == 7
+    sensors = tuple(LinkWrenchSensor(name=name, link=name) for name in ("forearm", "wrist_1"))
+    scene = Scene(robot="ur5e", link_wrenches=sensors)
+    table = stream_thresholds(scene)
+    for used in itertools.product((False, True), (False, True), (0b00, 0b10, 0b11)):
+        degrees = degrees_of_freedom_of(6, used)
+        row = table[sensor_set(*used), threshold_index(0.004)]
+        onset = onset_threshold(scene.false_alarms_per_hour, degrees, scene.bandwidth, 0.004)
+        np.testing.assert_allclose(row, (onset, release_threshold(degrees)))
+
+
+def test_the_detectable_force_is_that_of_the_worst_direction() -> None:
+    spread = np.random.default_rng(1).standard_normal((3, 3))
+    covariance = spread @ spread.T
+    directions = np.random.default_rng(2).standard_normal((20_000, 3))
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    # With the least favourable moment a force F along f has the squared length F^2 f' inv(S) f.
+    squares = np.einsum("ni,ij,nj->n", directions, np.linalg.inv(covariance), directions)
+    worst = 5.0 / np.sqrt(squares.min())
+    found = detectable_force(5.0, covariance)
+    assert worst <= found <= 1.01 * worst

@@ -23,6 +23,7 @@ COULOMB, INERTIA, NOISE, DT, BANDWIDTH = 11.5, 10.0, 1.7, 0.01, 10.0
 SENSOR = JointTorqueSensor(
     noise=NOISE, friction=Friction(coulomb=COULOMB, velocity=0.01, rest_error=4.6), model_error=1.0
 )
+BARE = joint_torque_model(JointTorqueSensor(noise=NOISE), 1)
 LIMITS = (onset_threshold(0.01, 6, BANDWIDTH, DT), release_threshold(6))
 
 
@@ -113,13 +114,65 @@ def test_noise_and_creep_of_an_hour_are_no_contact() -> None:
 def test_without_friction_a_step_is_detected() -> None:
     """Without anything unexplained at rest the energy is that of the residual itself, less what noise makes
     uncertain of the level before."""
-    torque_model = joint_torque_model(JointTorqueSensor(noise=NOISE), 1)
     seen = np.where(np.arange(200) < 100, 0.0, 7.0)
-    energies = _energies(np.zeros(200), seen, torque_model)
+    energies = _energies(np.zeros(200), seen, BARE)
     expected = 0.5 * 7.0**2 / (NOISE**2 * noise_variance_ratio(BANDWIDTH, DT))
     first = np.flatnonzero(energies)[0]
     assert 100 + round(BREAKAWAY_TIME / DT) - 1 <= first <= 100 + round(BREAKAWAY_TIME / DT)
     assert ((energies[first:] > 0.75 * expected) & (energies[first:] < expected)).all()
+
+
+@pytest.mark.parametrize(("share", "ends"), [(0.4, True), (0.6, False)])
+def test_a_contact_ends_when_less_than_half_of_its_torque_is_left(share: float, ends: bool) -> None:
+    """Friction holds the rest, so the torque need not come back to what it was."""
+    seen = np.repeat([0.0, 20.0, 20.0 * share], 100)
+    energies = _energies(np.zeros(300), seen, BARE)
+    assert (energies[150:200] > 0.0).all()
+    assert energies[200:].any() == (not ends)
+
+
+def test_a_deviation_may_fall_below_the_onset_threshold_before_it_is_a_contact() -> None:
+    """Not below the release threshold, though: that begins the time anew."""
+    variance = NOISE**2 * noise_variance_ratio(BANDWIDTH, DT)
+    onset, release = (np.sqrt(2.0 * limit * variance) for limit in LIMITS)
+    first = {}
+    for dip in (2.0 * onset, 0.5 * (onset + release), 0.5 * release):
+        seen = np.where(np.arange(200) < 100, 0.0, 2.0 * onset)
+        seen[110] = dip
+        first[dip] = np.flatnonzero(_energies(np.zeros(200), seen, BARE))[0]
+    steady, shallow, deep = first.values()
+    assert shallow == steady
+    assert deep == steady + 11
+
+
+def test_after_a_contact_that_something_else_told_the_references_are_new() -> None:
+    """What friction holds since then is nothing that still pushes."""
+    state = zeros(FrictionAtRest, joints=1)
+    variance = TorqueVariance(np.array([NOISE**2]), noise_variance_ratio(BANDWIDTH, DT), np.zeros(1))
+    energies = [
+        energy_beyond_static_friction(
+            state, BARE, np.zeros(1), np.array([20.0 * (i >= 100)]), variance, DT * (i > 0), 100 <= i < 200,
+            LIMITS, BANDWIDTH,
+        )
+        for i in range(300)
+    ]  # fmt: skip
+    assert energies[199] > 0.0
+    assert not any(energies[200:])
+
+
+@pytest.mark.parametrize("samples", [150, 800])
+def test_variance_of_a_reference(samples: int) -> None:
+    """That of the mean of low-passed noise, whose correlation falls off with its cut-off frequency."""
+    state = zeros(FrictionAtRest, joints=1)
+    variance = TorqueVariance(np.array([NOISE**2]), noise_variance_ratio(BANDWIDTH, DT), np.zeros(1))
+    for i in range(samples):
+        energy_beyond_static_friction(
+            state, BARE, np.zeros(1), np.zeros(1), variance, DT * (i > 0), False, LIMITS, BANDWIDTH
+        )
+    for mean in state.slices[1:]:
+        t = np.linspace(0.0, mean.duration, 1001)[1:] - mean.duration / 2000.0
+        correlation = np.exp(-2.0 * np.pi * BANDWIDTH * np.abs(t[:, None] - t))
+        assert mean.variance_ratio == pytest.approx(correlation.mean(), rel=0.02)
 
 
 def test_a_stream_of_torques_detects_it_on_one_joint_at_rest() -> None:

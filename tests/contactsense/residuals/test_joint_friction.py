@@ -88,6 +88,9 @@ def test_reversals_are_less_certain_than_motion() -> None:
     torque_model = joint_torque_model(_sensor(model_error=0.5), JOINTS)
     assert unmodelled_torque_std(torque_model, 0, 0.0) == pytest.approx(np.hypot(3.0, 0.5))
     assert unmodelled_torque_std(torque_model, 0, 1.0) == pytest.approx(0.5, abs=1e-2)
+    # At the velocity below which it applies, half of it is left.
+    at_limit = unmodelled_torque_std(torque_model, 0, torque_model.rest_velocity)
+    assert at_limit == pytest.approx(np.hypot(1.5, 0.5))
     assert unmodelled_torque_std(torque_model, 0, -0.02) == unmodelled_torque_std(torque_model, 0, 0.02)
 
 

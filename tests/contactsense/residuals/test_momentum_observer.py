@@ -23,6 +23,7 @@ from contactsense.residuals.momentum_observer import (
     MomentumObserver,
     empty_observer,
     noise_variance_ratio,
+    start_step,
 )
 
 MODEL = build_model(robots.load("ur5e"))
@@ -188,3 +189,19 @@ def test_the_variance_ratio_is_that_of_filtered_noise(ragged: bool) -> None:
         assert state.history[0].variance_ratio == pytest.approx(
             noise_variance_ratio(BANDWIDTH, 0.002), rel=1e-6
         )
+
+
+def test_at_a_late_sample_the_integrand_is_a_straight_line() -> None:
+    """A cubic through samples 2 ms apart would be extrapolated over 20 ms, and their noise with it."""
+    observer = empty_observer(0)
+    for i in range(8):
+        start_step(observer, 0.002 if i else 0.0, BANDWIDTH)
+    K, dt = 2.0 * np.pi * BANDWIDTH, 0.02
+    a, *weights, _ = start_step(observer, dt, BANDWIDTH)
+    assert weights[2] == weights[3] == 0.0
+    # K times the integrals of exp(-K (t1 - t)) times g, for g = 1 and for g = t.
+    s = np.linspace(0.0, dt, 20_001)
+    kernel = K * np.exp(-K * (dt - s))
+    assert a == pytest.approx(np.exp(-K * dt))
+    assert weights[0] + weights[1] == pytest.approx(np.trapezoid(kernel, s), rel=1e-6)
+    assert weights[0] * dt == pytest.approx(np.trapezoid(kernel * s, s), rel=1e-6)

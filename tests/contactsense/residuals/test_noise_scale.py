@@ -70,3 +70,20 @@ def test_lost_samples_do_not_count() -> None:
     t = t[keep]
     readings = _white(20.0)[keep] + 50.0 * np.sin(2.0 * np.pi * t)[:, None]
     assert _followed(readings, np.diff(t, prepend=t[0] - DT)).max() < 1.25
+
+
+def test_an_interval_that_changes_does_not_count() -> None:
+    """Every fifth sample of a stream is lost, while the torques change fast and steadily."""
+    t = DT * np.arange(10000)
+    keep = np.arange(len(t)) % 5 != 4
+    t = t[keep]
+    readings = _white(20.0)[keep] + 80.0 * np.sin(2.0 * np.pi * 2.0 * t)[:, None]
+    assert _followed(readings, np.diff(t, prepend=t[0] - DT)).max() < 1.25
+
+
+def test_after_a_gap_the_readings_before_it_do_not_count() -> None:
+    """A stream of eight samples at a time, in between which the load changes."""
+    number = np.arange(round(10.0 / DT))
+    readings = _white(10.0) + 100.0 * (number // 8 % 2)[:, None]
+    steps = np.where(number % 8 == 0, 0.0, DT)
+    assert _followed(readings, steps).max() < 1.25

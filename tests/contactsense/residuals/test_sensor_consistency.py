@@ -132,3 +132,46 @@ def test_with_several_contacts_disagreement_excludes_no_sensor(single: bool) -> 
     assert wrong[0] is False
     assert wrong[-1] is single
     assert len(describe_inconsistency(consistency)) == int(single)
+
+
+LIMIT = 10.0 * 20.0
+"""Smallest implausible force at the base, for contacts of usually 20 N [N]."""
+
+
+class Monitor:
+    def __init__(self) -> None:
+        self.state = zeros(SensorConsistency)
+        restart(self.state, 20.0, True)
+
+    def run(self, seconds: float, *statistics: float, touched: bool = True) -> tuple[bool, bool]:
+        """Which of base sensor and torques are used after that time."""
+        for _ in range(round(seconds / 0.05)):
+            update_consistency(self.state, np.array(statistics), touched, True, True, 0.05)
+        usable = np.array([1, 1, 0])
+        exclude_inconsistent(self.state, usable)
+        return bool(usable[0]), bool(usable[1])
+
+
+def test_a_base_sensor_that_is_excluded_contradicts_no_torques() -> None:
+    assert Monitor().run(60.0, 1.0, 1.0, 30.0, 2.0 * LIMIT) == (False, True)
+
+
+def test_a_large_force_that_the_torques_show_too_is_plausible() -> None:
+    assert Monitor().run(60.0, 1.0, 30.0, 1.0, 2.0 * LIMIT) == (True, True)
+
+
+def test_an_excluded_base_sensor_is_used_again_below_half_the_implausible_force() -> None:
+    monitor = Monitor()
+    assert monitor.run(5.0, 1.0, 1.0, 1.0, 1.1 * LIMIT) == (False, True)
+    assert monitor.run(5.0, 1.0, 1.0, 1.0, 0.8 * LIMIT) == (False, True)
+    assert monitor.run(5.0, 1.0, 1.0, 1.0, 0.4 * LIMIT) == (True, True)
+
+
+def test_a_residual_that_was_too_large_is_so_until_it_is_clearly_smaller() -> None:
+    for before, told in ((1.0, False), (2.0, True)):
+        monitor = Monitor()
+        monitor.run(20.0, before, 1.0, 1.0, 0.0, touched=False)
+        monitor.run(20.0, 1.45, 1.0, 1.0, 0.0, touched=False)
+        assert bool(describe_inconsistency(monitor.state)) is told
+        monitor.run(20.0, 1.1, 1.0, 1.0, 0.0, touched=False)
+        assert not describe_inconsistency(monitor.state)

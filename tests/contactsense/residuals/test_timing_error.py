@@ -79,3 +79,11 @@ def test_it_is_kept_without_a_sample_and_forgotten_after_a_gap() -> None:
     assert state.variance[0] == before
     advance_timing_error(state, np.array([0.0]), 0.0, BANDWIDTH)
     assert state.variance[0] == 0.0
+
+
+def test_of_what_was_before_a_long_interval_the_observer_knows_nothing() -> None:
+    """Over several of its time constants the whole error of the rate is left, and no more than that."""
+    dt, change = 0.1, 40.0
+    momentum = np.array([0.0, 0.0, change * dt])
+    assert 2.0 * np.pi * BANDWIDTH * dt > 5.0
+    assert _variance(momentum, dt)[-1] == pytest.approx(change**2 / 12.0)

@@ -11,7 +11,7 @@ from contactsense.robots.link_poses import link_poses
 from contactsense.robots.tool import Tool
 from contactsense.runtime.largest_reading import RAMP_TIME, largest_reading_at_rest, largest_reading_in_motion
 from contactsense.runtime.link_sensor_frame import LinkSensorFrame, LoadWeight
-from contactsense.runtime.weight import reading_from_base_wrench
+from contactsense.runtime.wrench_map import WrenchMap
 from contactsense.sensors.settings import LinkInertia
 from contactsense.sensors.stream_state import INVALID
 from contactsense.service.mock.newton_euler import inverse_dynamics
@@ -119,7 +119,7 @@ def test_no_motion_within_the_limits_loads_a_sensor_more(field: str) -> None:
     if field == "wrist_wrench":
         read = LinkSensorFrame(scene, field).readings(q, wrench)
     else:
-        read = reading_from_base_wrench(sensor, wrench)
+        read = WrenchMap.of(sensor).reading(wrench)
         assert (bound >= largest_reading_at_rest(scene, sensor)).all()
     largest = np.abs(read).max(axis=0)
     assert (bound > largest).all()

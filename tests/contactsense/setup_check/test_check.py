@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from contactsense import JointTorqueSensor, Scene
 from contactsense.benchmarks.calibration.recordings import read
@@ -12,6 +13,7 @@ from contactsense.calibration import FreeMotion
 from contactsense.setup_check import CheckError, check, lines
 from contactsense.setup_check.fit import Fitter
 from contactsense.setup_check.motion_basis import MotionBases, Readings
+from contactsense.setup_check.proposals import roll_and_pitch
 from contactsense.setup_check.setup import BASE, Free, Setup
 from tests.shared import shared
 
@@ -98,6 +100,26 @@ def test_predictions_agree_with_independent_dynamics() -> None:
     assert scene.base_wrench is not None
     late = fitter.fit(setup.with_sensor(BASE, delay=0.03), (Free("delay", BASE),))
     assert late.setup.sensors[BASE].delay == pytest.approx(0.0, abs=4.0 * float(late.std[0]))
+
+
+@pytest.mark.parametrize(
+    "mounting", [(0.4, -0.3, 0.0), (-0.4, 0.3, 1.0), (2.5, 0.1, -2.0), (-2.5, -1.2, 0.5)]
+)
+def test_roll_and_pitch_are_those_of_the_gravity(mounting: tuple[float, float, float]) -> None:
+    found = roll_and_pitch(Scene(robot="ur5e", mounting=mounting).gravity_base)
+    assert found == pytest.approx(mounting[:2])
+
+
+@pytest.mark.parametrize(("correlation", "independent"), [(0.0, 1.0), (0.6, 0.25), (0.99, 0.05)])
+def test_correlated_residuals_count_as_fewer_rows(correlation: float, independent: float) -> None:
+    """The variance of the mean of a first-order process is (1 + r) / (1 - r) times that of white noise."""
+    case = right_setup("ur10e", 8, DRAWN)
+    readings = Readings.of(case.scene, [case.recording])
+    fitter = Fitter(case.scene, MotionBases({"ur10e": case.scene}, [case.recording]), readings)
+    noise = np.random.default_rng(0).standard_normal((50_000, len(fitter.noise)))
+    residual = 3.0 + lfilter([1.0], [1.0, -correlation], noise, axis=0)
+    fitter.set_effective_rows(residual)
+    np.testing.assert_allclose(fitter.effective, independent, rtol=0.05)
 
 
 @pytest.mark.long

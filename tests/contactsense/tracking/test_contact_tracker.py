@@ -1,15 +1,25 @@
 """A contact over time on constructed truth: it sharpens while it holds, it is followed where it slides."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 
 from contactsense import Estimate, JointTorqueSensor, Localizer, Sample, Scene, WrenchSensor
+from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.inverse_dynamics import inverse_dynamics
 from contactsense.kinematics.model import build_model, empty_motion
 from contactsense.kinematics.momenta import kinematics_and_momenta
+from contactsense.robots.jit.flat_buffers import zeros
+from contactsense.runtime.constants import build_constants
+from contactsense.tracking.contact_tracker import (
+    WINDOWS,
+    ContactTrack,
+    _position_covariance,
+    _window_positions,
+)
 from tests.plain_arm import plain_ur5e
 
 ARM = plain_ur5e()
@@ -169,6 +179,23 @@ def test_force_and_wrench_are_the_newest(localizer: Localizer) -> None:
     np.testing.assert_allclose(last.contacts[0].point_base, point, atol=0.004)
 
 
+def test_without_a_base_sensor_a_changed_force_is_not_averaged_with_the_one_before() -> None:
+    """The torques of the two differ, though the place does not."""
+    torques = Localizer(Scene(robot=ARM, base_wrench=None, joint_torque=JointTorqueSensor(noise=1.0)))
+    light, heavy = (_samples(START + 2.4, _held, seed, 0.0, push)[0] for seed, push in ((4, 30.0), (5, 60.0)))
+    change = START + 1.2
+    felt = [one if one.t < change else other for one, other in zip(light, heavy, strict=True)]
+    samples = [replace(sample, base_wrench=None) for sample in felt]
+    force = {
+        round(sample.t - change, 3): np.linalg.norm(estimate.contacts[0].force_base)
+        for sample, estimate in zip(samples, torques.run(samples), strict=True)
+        if estimate.contacts
+    }
+    # Torques alone do not tell where on the link and how strong: the force is that which they determine.
+    assert force[0.2] / force[-0.1] == pytest.approx(2.0, rel=0.05)
+    assert force[1.1] / force[-0.1] == pytest.approx(2.0, rel=0.05)
+
+
 def test_contacts_end_and_are_numbered(localizer: Localizer) -> None:
     samples, _ = _samples(START + 0.4, _held, 5)
     free, _ = _samples(START, _held, 6)
@@ -220,3 +247,35 @@ def test_jitter_and_lost_samples_change_nothing_but_the_noise(localizer: Localiz
         ragged.append(_errors(list(localizer.run(kept)), points[keep])[-240:])
     assert np.isfinite(np.concatenate(ragged)).all()
     assert np.median(np.concatenate(ragged)) < 1.5 * np.median(np.concatenate(plain))
+
+
+def test_stated_covariance_of_a_position_on_the_tangent_plane() -> None:
+    """That of the line of action's intersection with it, for one sample's noise and 20 N along the normal.
+    The sensor is far away, so that noise of force and of moment count."""
+    base = WrenchSensor(
+        force_noise=0.25, moment_noise=0.05, translation=(0.1, -0.2, -0.3), rpy=(0.3, -0.4, 0.5)
+    )
+    constants = build_constants(Scene(robot=ARM, base_wrench=base, joint_torque=None))
+    motion, track = empty_motion(6), zeros(ContactTrack, joints=6, link_sensors=0, links=6)
+    forward_kinematics(constants.model, np.array([0.2, -1.1, 1.3, -0.8, -1.2, 0.5]), motion)
+    track.status[0].last_body = LINK
+    track.last_point[:], track.last_normal[:] = (-0.2, 0.04, 0.007), (0.36, 0.48, 0.8)
+    track.variance_ratio[:] = 1.0
+    R, o = motion.rotation[LINK], motion.origin[LINK]
+    force = R @ track.last_normal * -20.0
+    wrench = np.concatenate((force, np.cross(R @ track.last_point + o, force)))
+    noise = np.random.default_rng(0).multivariate_normal(
+        np.zeros(6), constants.sensors.base_covariance, 4000 * WINDOWS
+    )
+    positions = []
+    for drawn in (wrench + noise).reshape(4000, WINDOWS, 6):
+        f, m = drawn[:, :3], drawn[:, 3:] - np.cross(o, drawn[:, :3])
+        track.mean[:, 6 * LINK : 6 * LINK + 6] = np.hstack((f @ R, m @ R))
+        _window_positions(track)
+        positions += [np.array(track.window_point[i][:2]) for i in range(WINDOWS)]
+    _position_covariance(constants.sensors, motion, track)
+    xx, xy, yy = track.moment_covariance / 20.0**2
+    np.testing.assert_allclose(np.mean(positions, axis=0), 0.0, atol=1e-3)
+    found = np.cov(np.array(positions).T)
+    np.testing.assert_allclose(found, [[xx, xy], [xy, yy]], atol=0.03 * np.trace(found))
+    assert abs(xy) > 0.2 * np.sqrt(xx * yy)

@@ -15,6 +15,7 @@ from contactsense.runtime.stream_start import FROM_START
 from contactsense.service.analysis import Analysis, ForceLimits, LimitsError, analyze
 from contactsense.service.analysis.contact_table import SCHEMA, write_contacts
 from contactsense.service.analysis.health import health
+from contactsense.service.analysis.summarize import Summarizer
 from contactsense.service.mock.script import Script
 from contactsense.service.mock.simulated_arm import simulate
 from contactsense.service.recordings import Recording, read
@@ -57,6 +58,19 @@ def test_a_contact_carries_the_rows_of_the_file_and_the_place_at_its_peak(analys
         assert repr(contact).startswith(f"<contact {contact.contact} at ")
 
 
+@pytest.mark.parametrize("link", [2, 3, 6, 7])
+def test_speed_of_a_point_of_a_link(link: int) -> None:
+    """From two poses; joints beyond the link move it no more than the tool's frame, 7, moves itself."""
+    summarizer, point = Summarizer(SCENE), np.array([0.1, -0.05, 0.2])
+    q, qd = np.array([0.2, -1.1, 1.3, -0.8, -1.2, 0.5]), np.array([0.4, -0.3, 0.7, 1.1, -0.9, 2.0])
+    step = 1e-6
+    (origin, rotation), (later, turned) = (summarizer.link_pose(q + t * qd, link) for t in (-step, step))
+    moved = later + turned @ point - origin - rotation @ point
+    assert summarizer.speed(q, qd, link, point) == pytest.approx(
+        np.linalg.norm(moved) / (2.0 * step), rel=1e-6
+    )
+
+
 def test_residuals_are_as_large_as_their_noise(analysis: Analysis) -> None:
     found = analysis.residuals
     assert found.free + found.touched <= analysis.samples
@@ -90,6 +104,9 @@ def test_the_table_is_written_as_parquet_and_csv(analysis: Analysis, tmp_path: P
     table = pa_parquet.read_table(tmp_path / "contacts.parquet")
     assert table.schema == SCHEMA
     assert table.equals(analysis.to_arrow())
+    for name, i, k in (("xy", 0, 1), ("yz", 1, 2), ("zz", 2, 2)):
+        expected = [contact.covariance[i, k] for contact in analysis.contacts]
+        assert table[f"covariance_{name}"].to_pylist() == expected
     text = pa_csv.read_csv(tmp_path / "contacts.csv")
     assert text.column_names == table.column_names
     assert text["link"].to_pylist() == table["link"].to_pylist()

@@ -1,12 +1,16 @@
 """A knock with its rebound is one contact of a recording, a double tap is two."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from contactsense import Localizer, SampleBlock
+from contactsense.runtime.result_rows import FORCE
+from contactsense.runtime.sample_blocks import BlockEstimates
+from contactsense.sensors.stream_state import SETTLING_PERIODS
 from contactsense.service.analysis import Analysis, analyze
 from contactsense.service.analysis.contact_history import ContactCollector, ContactHistory
 from contactsense.service.recordings.export import write_columns
@@ -106,3 +110,41 @@ def test_a_recording_that_ends_in_a_pause_has_the_whole_contact(localizer: Local
     assert history.complete
     assert shorter.complete
     np.testing.assert_array_equal(history.row, shorter.row)
+
+
+def test_a_contact_ends_as_soon_as_it_cannot_resume(localizer: Localizer) -> None:
+    """Not with the next one only: a recording of hours may have none."""
+    block, collector, ends = _block((KNOCK,)), ContactCollector(SCENE.bandwidth), []
+    parts = [block[at : at + 10] for at in range(0, len(block), 10)]
+    for part, estimates in zip(parts, localizer.run_blocks(parts), strict=True):
+        ended = collector.add(np.arange(len(part)), part, estimates)
+        ends += [(part.t[-1] - history.t[-1], history.complete) for history in ended]
+    assert not collector.is_open
+    assert ends == [(pytest.approx(SETTLING_PERIODS / SCENE.bandwidth, abs=0.03), True)]
+
+
+def test_of_simultaneous_contacts_the_strongest_counts(localizer: Localizer) -> None:
+    block = _block((KNOCK,))
+    (estimates,) = localizer.run_blocks([block])
+    weaker = estimates.rows.copy()
+    weaker[:, FORCE] *= 0.5
+    expected, *both = (
+        next(iter([*collector.add(np.arange(len(block)), block, found), *collector.end()]))
+        for found in (estimates, *_with_another_contact(estimates, weaker))
+        for collector in [ContactCollector(SCENE.bandwidth)]
+    )
+    for history in both:
+        np.testing.assert_array_equal(history.rows, expected.rows)
+        np.testing.assert_array_equal(history.sample, expected.sample)
+
+
+def _with_another_contact(estimates: BlockEstimates, rows: np.ndarray) -> Iterator[BlockEstimates]:
+    """The estimates with these explanations of a second contact, before and after those of the first."""
+    sample = np.repeat(estimates.sample, 2)
+    for pair in ((rows, estimates.rows), (estimates.rows, rows)):
+        both = np.stack(pair, axis=1).reshape(-1, rows.shape[1])
+        probability = np.repeat(estimates.link_probability, 2, axis=0)
+        yield replace(
+            estimates, sample=sample, rows=both, link_probability=probability,
+            contact=np.repeat(estimates.contact, 2),
+        )  # fmt: skip

@@ -127,3 +127,13 @@ def test_only_the_contact_that_was_released_last_resumes() -> None:
     summaries.update(estimate(0.1, event="release"), "")
     (resume,) = summaries.update(estimate(0.15, replace(FOREARM, id=2), event="resume", number=2), "")
     assert resume.duration == 0.0
+
+
+def test_a_contact_resumes_though_others_have_had_events_meanwhile() -> None:
+    summaries, other = ContactSummaries(), replace(FOREARM, id=2)
+    summaries.update(estimate(0.0, FOREARM, event="onset"), "")
+    summaries.update(estimate(0.05, FOREARM, other, event="onset", number=2), "")
+    summaries.update(estimate(0.1, other, event="release"), "")
+    summaries.update(estimate(0.12, other, event="hold", number=2), "")
+    (resume,) = summaries.update(estimate(0.15, FOREARM, other, event="resume"), "")
+    assert resume.duration == 0.15

@@ -1,6 +1,9 @@
 """The hub: everybody gets everything, the slow lose the oldest and know it."""
 
 import asyncio
+import json
+
+import pytest
 
 from contactsense.service.live.hub import Hub, Reader
 
@@ -42,6 +45,17 @@ def test_a_slow_reader_loses_the_oldest_and_is_told() -> None:
         publish(hub, 4)
         assert slow.take_lost() == 1
     assert hub.lost == 8  # still known when the reader has gone
+
+
+@pytest.mark.parametrize("size", [1, 3])
+def test_the_events_of_lost_messages_come_with_the_next_one(size: int) -> None:
+    """In order; of too many the oldest are dropped."""
+    reader = Reader(size)
+    for i in range(700):
+        reader.offer(0.002 * i, b'{"events":[]}', [b"%d" % (2 * i), b"%d" % (2 * i + 1)])
+    found = [event for message in taken(reader) for event in json.loads(message)["events"]]
+    assert found == list(range(1400 - len(found), 1400))
+    assert 1000 <= len(found) <= 1000 + 2 * (size - 1)
 
 
 def test_one_in_so_many() -> None:

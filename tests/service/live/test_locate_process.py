@@ -3,12 +3,16 @@
 import asyncio
 import os
 import signal
+import time
+from multiprocessing.context import SpawnProcess
+from typing import Any
 
 import pytest
 
 from contactsense import Scene
 from contactsense.service.api.messages import EstimateOut
 from contactsense.service.live.locate_process import LocateError, LocateProcess, StaticSample
+from tests.service.loopback import until
 
 SAMPLE = StaticSample([0.0, -1.3, 1.6, -1.9, -1.57, 0.0], [5.9, 2.4, -19.0, -1.1, -2.3, -0.6], None, None)
 
@@ -24,6 +28,53 @@ def test_a_process_that_dies_is_told_of_and_started_again() -> None:
             os.kill(process._process.pid or 0, signal.SIGKILL)
             with pytest.raises(LocateError, match="broke down"):
                 await process.locate([SAMPLE] * 50, True)
+            assert len(await process.locate([SAMPLE], True)) == 1
+        finally:
+            process.stop()
+
+    asyncio.run(scenario())
+
+
+@pytest.mark.slow
+def test_a_process_that_cannot_be_started_is_started_with_the_next_request(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def refuse(_: object) -> None:
+        raise BlockingIOError(11, "Resource temporarily unavailable")
+
+    async def scenario() -> None:
+        process = LocateProcess(Scene(robot="ur5e"))
+        opened = len(os.listdir("/proc/self/fd"))
+        with monkeypatch.context() as patch:
+            patch.setattr(SpawnProcess, "start", refuse)
+            for _ in range(3):
+                with pytest.raises(LocateError, match="broke down"):
+                    await process.locate([SAMPLE], True)
+        assert len(os.listdir("/proc/self/fd")) == opened
+        try:
+            assert len(await process.locate([SAMPLE], True)) == 1
+        finally:
+            process.stop()
+
+    asyncio.run(scenario())
+
+
+@pytest.mark.slow
+def test_a_process_that_has_not_read_its_scene_yet_can_be_killed() -> None:
+    """The scene of a large arm does not fit into the pipe, and the process needs seconds for its modules."""
+
+    async def scenario() -> None:
+        large: Any = bytes(1 << 20)
+        process = LocateProcess(large)
+        starting = asyncio.create_task(process.start())
+        assert await asyncio.to_thread(until, lambda: process._process is not None)
+        assert process._process is not None
+        os.kill(process._process.pid or 0, signal.SIGSTOP)
+        begin = time.monotonic()
+        process.restart(Scene(robot="ur5e"))
+        assert time.monotonic() - begin < 1.0
+        await starting
+        try:
             assert len(await process.locate([SAMPLE], True)) == 1
         finally:
             process.stop()
@@ -49,3 +100,31 @@ def test_a_service_that_ends_starts_nothing_any_more() -> None:
             await process.locate([SAMPLE], True)
 
     asyncio.run(scenario())
+
+
+def test_a_request_that_is_cancelled_keeps_its_turn_until_it_is_answered(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Both would wait on one connection, and the second would read the answer of the first."""
+    at_once: list[int] = []
+    working: list[object] = []
+
+    def ask(_: LocateProcess, samples: list[StaticSample], external: bool) -> list[bytes]:
+        working.append(samples)
+        at_once.append(len(working))
+        time.sleep(0.2)
+        working.remove(samples)
+        return [b"" for _ in samples]
+
+    async def scenario() -> None:
+        monkeypatch.setattr(LocateProcess, "_ask", ask)
+        process = LocateProcess(Scene(robot="ur5e"))
+        first = asyncio.create_task(process.locate([SAMPLE], True))
+        await asyncio.sleep(0.05)
+        first.cancel()
+        assert len(await process.locate([SAMPLE] * 2, True)) == 2
+        assert first.cancelled()
+        assert process._waiting == 0
+
+    asyncio.run(scenario())
+    assert at_once == [1, 1]

@@ -6,6 +6,7 @@ import pytest
 from contactsense.robots.primitives import Sphere
 from contactsense.robots.tool import Tool
 from contactsense.runtime.link_sensor_frame import LinkSensorFrame
+from contactsense.runtime.wrench_map import WrenchMap
 from contactsense.scene import JointTorqueSensor, LinkWrenchSensor, Scene, WrenchSensor
 from contactsense.sensors.settings import Friction
 from contactsense.service.mock.cell import Cell
@@ -13,7 +14,7 @@ from contactsense.service.mock.live_controller import LiveController
 from contactsense.service.mock.physics.bodies import with_tool
 from contactsense.service.mock.robot_controller import RobotController
 from contactsense.service.mock.script import Script, ScriptError
-from contactsense.service.sensors.signal_mapping import TorqueMap, WrenchMap
+from contactsense.service.sensors.signal_mapping import TorqueMap
 from tests.oracles.pinocchio_arm import PinocchioArm
 
 TINY = 1e-9

@@ -24,7 +24,6 @@ from contactsense.service.reactions.actions.stop_program import StopProgramActio
 from contactsense.service.reactions.actions.ur_rtde_stop import UrRtdeStopAction
 from contactsense.service.reactions.actions.webhook import decode_secret, sign
 from contactsense.service.reactions.decision import Decision
-from contactsense.service.reactions.executor_client import ExecutorClient
 from tests.service.loopback import until
 
 HOST = "127.0.0.1"
@@ -241,64 +240,3 @@ def test_the_signature_is_that_of_standard_webhooks() -> None:
 def test_a_secret_has_a_length() -> None:
     with pytest.raises(ValueError, match="24 to 64 bytes"):
         decode_secret("whsec_" + base64.b64encode(b"short").decode())
-
-
-def results_of(client: ExecutorClient, count: int, timeout: float = 20.0) -> list[dict[str, Any]]:
-    results: list[dict[str, Any]] = []
-
-    def enough() -> bool:
-        results.extend(client.poll(time.monotonic()))
-        return len(results) >= count
-
-    assert until(enough, timeout), results
-    return results
-
-
-def test_an_action_that_hangs_holds_up_no_other() -> None:
-    slow = CommandAction(type="command", command=("sleep", "60"), timeout=1.5)
-    quick = CommandAction(type="command", command=("true",))
-    client = ExecutorClient({"slow": slow, "quick": quick}, HOST)
-    try:
-        client.start("quick", TOLD, time.monotonic())
-        results_of(client, 1)  # it has started
-        now = time.monotonic()
-        assert client.start("slow", TOLD, now) == ""
-        assert client.start("quick", TOLD, now) == ""
-        first, second = results_of(client, 2)
-        assert (first["action"], first["ok"]) == ("quick", True)
-        assert (second["action"], second["ok"], "killed" in second["reason"]) == ("slow", False, True)
-    finally:
-        client.close()
-
-
-def test_an_executor_that_dies_is_told_and_started_again() -> None:
-    client = ExecutorClient({"a": CommandAction(type="command", command=("sleep", "60"))}, HOST)
-    try:
-        client.start("a", TOLD, time.monotonic())
-        pid = client.pid
-        assert pid is not None
-        os.kill(pid, 9)
-        (result,) = results_of(client, 1)
-        assert (result["ok"], result["reason"]) == (False, "the executor's process died")
-
-        def again() -> bool:
-            client.poll(time.monotonic())
-            return client.pid not in (None, pid)
-
-        assert until(again)
-    finally:
-        client.close()
-
-
-def test_an_executor_that_hangs_is_told() -> None:
-    client = ExecutorClient({"a": CommandAction(type="command", command=("true",), timeout=0.1)}, HOST)
-    try:
-        pid = client.pid
-        assert pid is not None
-        os.kill(pid, 19)  # SIGSTOP
-        begin = time.monotonic()
-        client.start("a", TOLD, begin)
-        (result,) = results_of(client, 1)
-        assert "hangs: no result after 1.1 s" in result["reason"]
-    finally:
-        client.close()

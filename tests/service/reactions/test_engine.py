@@ -1,6 +1,7 @@
 """The rules at work, against constructed estimates."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -8,9 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactsense import Contact, Estimate
+from contactsense import Contact, Estimate, Sample, Scene, robots
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import build_model, empty_motion
+from contactsense.robots.primitives import Sphere
+from contactsense.robots.rotations import rotation_from_rpy
+from contactsense.robots.tool import Tool
 from contactsense.service.reactions.engine import Engine
 from contactsense.service.reactions.rules import ReactionRules
 from tests.service.reactions.estimates import SCENE, contact, estimate, sample
@@ -78,6 +82,20 @@ CASES: list[tuple[str, dict[str, Any], Estimate, float, bool]] = [
     ("while moving, at rest", {"while": "moving"}, estimate(0.0, HIGH), 0.0, False),
     ("while moving, moving", {"while": "moving"}, estimate(0.0, HIGH), 0.1, True),
     ("at rest, moving", {"while": "rest"}, estimate(0.0, HIGH), 0.1, False),
+    (
+        "no single push, in a link's frame",
+        {"links": ["any"], "direction": {"axis": [0, 0, 1], "half_angle": 3.0, "frame": "link"}},
+        estimate(0.0, other=1.0, unexplained=60.0),
+        0.0,
+        False,
+    ),
+    (
+        "no single push, half probable",
+        {"links": ["any"]},
+        estimate(0.0, contact(newtons=60.0, probability=0.1), other=0.5),
+        0.0,
+        False,
+    ),
     ("at rest, at rest", {"while": "rest"}, estimate(0.0, HIGH), 0.01, True),
     ("degraded, act", {}, estimate(0.0, HIGH, status="degraded"), 0.0, True),
     ("degraded, hold", {"on_degraded": "hold"}, estimate(0.0, HIGH, status="degraded"), 0.0, False),
@@ -153,6 +171,38 @@ def test_a_latch_is_restored() -> None:
     assert run(second, estimate(5.0, HIGH)) == []
 
 
+def test_a_latch_is_restored_with_the_actions_that_the_rules_have_now() -> None:
+    """They, not those of before, are ended by its acknowledgement."""
+    actions = {name: {"type": "registers"} for name in ("before",)}
+    first = engine(rule(collision={"force": 50.0, "actions": ["before"]}), actions=actions)
+    (begin,) = first.step(sample(0.0), estimate(0.0, HIGH))
+    second = engine(
+        rule(collision={"force": 50.0, "actions": ["now"]}), actions={"now": {"type": "registers"}}
+    )
+    second.restore(begin)
+    assert second.active[0].actions == ("now",)
+    assert second.acknowledge()[0].actions == ("now",)
+
+
+def test_one_joint_that_turns_is_motion() -> None:
+    machine = engine(rule(**{"while": "moving"}))
+    one = Sample(0.0, np.zeros(6), np.array([0.0, 0.0, 0.0, 0.0, -0.1, 0.0]))
+    assert machine.step(one, estimate(0.0, HIGH))
+
+
+def test_a_duration_begins_anew_after_a_degraded_estimate_that_holds() -> None:
+    machine = engine(rule(collision={"force": 50.0, "duration": 0.1}, on_degraded="hold"))
+    seen = run(
+        machine,
+        estimate(0.0, HIGH),
+        estimate(0.05, HIGH, status="degraded"),
+        estimate(0.1, HIGH),
+        estimate(0.19, HIGH),
+        estimate(0.2, HIGH),
+    )
+    assert seen == [(0.2, "collision", "begin")]
+
+
 def test_blindness_ends_nothing() -> None:
     machine = engine(rule(collision=None, contact={"force": 50.0}))
     run(machine, estimate(0.0, HIGH))
@@ -175,6 +225,7 @@ EXPECTED = {"name": "insert", "links": ["forearm"], "force": 80.0, "timeout": 1.
         ({}, contact(newtons=60.0), False),
         ({}, contact(newtons=85.0), True),
         ({}, contact("upper_arm", 60.0), True),
+        ({"force": 30.0}, contact(newtons=40.0), False),
         ({"point": [0.5, 0.0, 0.42]}, contact(newtons=60.0), False),
         ({"point": [0.5, 0.1, 0.4]}, contact(newtons=60.0), True),
     ],
@@ -246,3 +297,31 @@ def test_a_direction_in_the_links_frame_turns_with_it() -> None:
     hit = estimate(0.0, contact("shoulder", force_base=push))
     assert machine.step(sample(0.0, q=turned), hit)
     assert not zero.step(sample(0.0), hit)
+
+
+def test_a_direction_in_a_tools_frame_is_one_of_the_flange() -> None:
+    arm, turn = SCENE.robot, rotation_from_rpy((0.0, 0.5, 1.0))
+    turned = robots.Robot(arm.name, arm.links, arm.joints, turn, np.zeros(3))
+    ball = Sphere(center=(0.0, 0.0, 0.1), radius=0.05)
+    scene = Scene(robot=turned, tool=Tool(name="ball", mass=1.0, primitives=(ball,)))
+    direction = {"axis": [1, 0, 0], "half_angle": 0.2, "frame": "link"}
+    given = rule(links=["tool"], direction=direction)
+    machine = Engine(ReactionRules.model_validate({"rules": [given]}), scene)
+    motion = empty_motion(6)
+    forward_kinematics(build_model(turned), np.zeros(6), motion)
+    index = scene.link_names.index("ball")
+    for axis, fires in ((1, False), (0, True)):
+        push = 60.0 * (motion.rotation[6] @ turn)[:, axis]
+        hit = estimate(0.0, replace(contact(force_base=push), link="ball", link_index=index))
+        assert bool(machine.step(sample(0.0), hit)) == fires
+
+
+def test_a_window_that_is_announced_before_the_first_sample_opens_with_it() -> None:
+    machine = engine(
+        rule(), expected=[{"name": "insert", "links": ["forearm"], "force": 100.0, "timeout": 1.0}]
+    )
+    assert machine.announce("insert")
+    assert not run(machine, estimate(500.0), estimate(500.9, HIGH))
+    assert machine.windows == ("insert",)
+    assert run(machine, estimate(501.1, HIGH))
+    assert machine.windows == ()

@@ -41,3 +41,10 @@ def test_what_is_not_known_is_one_half(force: float, variance: float) -> None:
 @pytest.mark.parametrize(("force", "expected"), [(51.0, 1.0), (49.0, 0.0), (0.0, 0.0)])
 def test_without_noise(force: float, expected: float) -> None:
     assert exceedance([force, 0.0, 0.0], np.zeros((3, 3)).tolist(), 50.0) == expected
+
+
+def test_without_a_force_every_direction_counts_alike() -> None:
+    """The standard deviation is that of the mean variance: 2 N, which 4 N is twice of."""
+    covariance = np.diag([1.0, 4.0, 7.0]).tolist()
+    above_two_sigma = 0.5 * math.erfc(2.0 / math.sqrt(2.0))
+    assert exceedance([0.0, 0.0, 0.0], covariance, 4.0) == pytest.approx(above_two_sigma)

@@ -82,8 +82,10 @@ def test_a_contact_a_collision_and_an_acknowledgement(play: Play) -> None:
     # Each recipe of inputs is a packet of its own.
     play.until(lambda: play.inputs.get("speed_slider_fraction") == (0.1,))
     play.until(lambda: play.inputs.get("input_bit_register_65") == (True,))
+    assert play.inputs["input_bit_register_66"] == (False,)
     play.step(estimate(0.1, contact(newtons=60.0)))
     play.until(lambda: play.code() == 42)
+    play.until(lambda: play.inputs["input_bit_register_66"] == (True,))
     assert play.inputs["input_double_register_47"][0] == pytest.approx(60.0)
     play.step(estimate(0.2))
     play.until(lambda: play.inputs["speed_slider_fraction"] == (1.0,))
@@ -104,6 +106,13 @@ def test_the_robot_program_acknowledges_by_a_bit(play: Play) -> None:
     play.server.controller.set_output("output_bit_register_70", (True,))
     play.until(lambda: play.code() == 0)
     assert "the robot program" in play.events("acknowledged")[0]["reason"]
+    # Only the way up acknowledges.
+    play.step(estimate(0.2, contact(newtons=60.0)))
+    play.until(lambda: play.code() == 42)
+    play.server.controller.set_output("output_bit_register_70", (False,))
+    play.until(lambda: play.listener._inputs_before["output_bit_register_70"] == 0)
+    assert play.code() == 42
+    assert len(play.events("acknowledged")) == 1
 
 
 def test_the_robot_program_announces_a_contact(play: Play) -> None:
@@ -127,7 +136,11 @@ def test_the_heartbeat_goes_on_without_samples(play: Play) -> None:
         return len(seen) == 2
 
     play.until(beats)
+    play.step(estimate(0.0))
+    play.until(lambda: play.inputs["input_bit_register_67"] == (False,))
+    last = time.monotonic()
     play.until(lambda: play.inputs["input_bit_register_67"] == (True,))  # no estimate: degraded
+    assert time.monotonic() - last < 2.0
 
 
 def test_nothing_is_written_before_the_latches_are_known() -> None:
@@ -252,3 +265,67 @@ def test_a_latch_whose_rule_is_gone_is_told_and_dropped() -> None:
             assert "no such level any more" in event["reason"]
         finally:
             made.listener.close()
+
+
+def test_a_level_that_begins_before_the_connection_lowers_the_slider_as_soon_as_there_is_one() -> None:
+    with rtde_server() as server:
+        made = Play(server)
+        try:
+            made.step(estimate(0.0, contact(newtons=20.0)))
+            made.until(lambda: made.inputs.get("speed_slider_fraction") == (0.1,))
+        finally:
+            made.listener.close()
+
+
+@pytest.mark.parametrize("ended", [False, True])
+def test_after_a_lost_connection_the_slider_is_lowered_again_while_the_level_lasts_and_not_later(
+    ended: bool,
+) -> None:
+    with rtde_server() as server:
+        made = Play(server)
+        made.until(lambda: made.code() == 0)
+        made.step(estimate(0.0, contact(newtons=20.0)))
+        made.until(lambda: made.inputs.get("speed_slider_fraction") == (0.1,))
+        if ended:
+            made.step(estimate(0.1))
+            made.until(lambda: made.inputs["speed_slider_fraction"] == (1.0,))
+    try:
+        made.until(lambda: made.state()["actions"]["slow"]["state"] == "failing")
+        with rtde_server(port=server.port) as again:
+            # As whoever moved it since has left it.
+            again.controller.inputs["speed_slider_fraction"] = (0.3,)
+            made.inputs = again.controller.inputs
+            made.until(lambda: made.code() in (0, 41))
+            for _ in range(100):
+                made.listener.tick(time.monotonic())
+                time.sleep(0.002)
+            assert made.inputs["speed_slider_fraction"] == ((0.3,) if ended else (0.1,))
+    finally:
+        made.listener.close()
+
+
+def test_a_recipe_that_was_refused_is_asked_for_once_by_the_next_connection() -> None:
+    """A second request for the same inputs would find them in use, by ourselves."""
+    taken = {"a": ["input_int_register_47"]}
+    with rtde_server() as server:
+        first, second = (RtdeInputs("127.0.0.1", server.port, taken) for _ in range(2))
+        _poll_until(first, lambda: first.ready)
+        _poll_until(second, lambda: bool(second.refused))
+        first.close()
+    _poll_until(second, lambda: bool(second.error))
+    assert not second.refused
+    with rtde_server(port=server.port):
+        _poll_until(second, lambda: second.ready)
+        deadline = time.monotonic() + 1.5
+        _poll_until(second, lambda: time.monotonic() > deadline)
+        assert second.ready
+        assert not second.refused
+    second.close()
+
+
+def _poll_until(inputs: RtdeInputs, condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + 10.0
+    while not condition():
+        assert time.monotonic() < deadline
+        inputs.poll(time.monotonic())
+        time.sleep(0.002)

@@ -4,6 +4,7 @@ import asyncio
 import http.server
 import json
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -182,3 +183,36 @@ def test_on_a_full_disk_nothing_is_posted_twice(tmp_path: Path, monkeypatch: pyt
 
         asyncio.run(scenario())
         assert (len(server.heard), told) == (1, [True])
+
+
+@pytest.mark.parametrize("url", ["http://127.0.0.1:1/stö\u00dfe", "http://[::1/hook", "http://a..b/hook"])
+def test_a_url_that_cannot_be_requested_is_reported_and_stops_nothing(url: str) -> None:
+    """It fails as one that nobody answers does, and the deliveries after it have their turn."""
+    webhook = WebhookAction(type="webhook", url=url, secret=SECRET, timeout=5.0)
+    with Journal() as journal:
+        told = deliver(journal, webhook, 2, lambda d, t: d.waiting("hook") == 0 and len(t) == 6)
+    assert not any(ok for ok, _ in told)
+    assert all(reason.startswith(f"{url}: ") for _, reason in told)
+
+
+def test_a_webhook_that_is_gone_is_asked_again_where_its_url_has_changed() -> None:
+    with receiver(410) as gone, receiver(200) as new, Journal() as journal:
+        deliver(journal, hook(gone.server_port), 1, lambda d, t: len(t) == 1)
+        told = deliver(journal, hook(new.server_port), 1, lambda d, t: len(t) == 1)
+    assert told == [(True, "answered 200")]
+
+
+def test_a_receiver_that_is_overloaded_gets_twice_the_time() -> None:
+    with Journal() as journal:
+        delivery = WebhookDelivery(journal, {"hook": hook(1)}, lambda *_: None, (0.0, 1000.0))
+        due = []
+        for number, status in ((1, 500), (2, 429)):
+            delivery.enqueue("hook", DECISION)
+            now = time.time()
+            delivery._write_result("hook", number, 1, False, status)
+            row = journal.database.execute("SELECT due FROM deliveries WHERE id = ?", (number,)).fetchone()
+            due.append(row[0] - now)
+    jitter = webhook_delivery.JITTER
+    assert due[0] == pytest.approx(1000.0, rel=jitter)
+    assert due[1] == pytest.approx(2000.0, rel=jitter)
+    assert due[1] > 1.3 * 1000.0

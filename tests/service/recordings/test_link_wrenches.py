@@ -1,12 +1,14 @@
 """Force/torque sensors between links in recordings: written as they were read, and read again."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from contactsense import LinkWrenchSensor, Sample, Scene
+from contactsense import LinkWrenchSensor, Sample, Scene, WrenchSensor
 from contactsense.robots.link_poses import link_poses
+from contactsense.runtime.link_sensor_frame import LinkSensorFrame
 from contactsense.service.recordings import ColumnMapping, RecordingError, RecordingFile, read
 from contactsense.service.recordings.export import export, write_columns
 from contactsense.service.recordings.recorder import Recorder
@@ -141,3 +143,20 @@ def test_the_rows_of_the_service_are_those_that_the_sensors_read() -> None:
         own = [rows.names.index(f"{name}_wrench_{k}") for k in range(6)]
         np.testing.assert_allclose(table[:, own], values[:3], atol=1e-9)
     assert (table[:, rows.names.index("status")] == 0.0).all()
+
+
+def test_a_wrist_sensor_in_a_recording_of_the_service_is_read_as_any_other(tmp_path: Path) -> None:
+    wrist = WrenchSensor(rpy=(0.2, -0.3, 0.4), translation=(0.0, 0.01, 0.02), sign="sensor_on_arm")
+    scene = SCENE.model_copy(update={"wrist_wrench": wrist})
+    rows, frame = SampleRows(scene), LinkSensorFrame(scene, "wrist_wrench")
+    values = frame.wrenches(Q, READING["elbow"])
+    table = np.empty((N, len(rows.names)))
+    none = Estimate(0.0, "none", (), np.zeros(7), np.zeros(6), np.zeros((6, 6)))
+    for i in range(N):
+        rows.fill(table[i], replace(_sample(i), wrist_wrench=values[i]), none)
+    path = tmp_path / "clip.parquet"
+    write_columns(path, dict(zip(rows.names, rows.stored(table).T, strict=True)))
+    found = read(path, scene)
+    assert not found.problems
+    np.testing.assert_allclose(found.wrist_wrench, values, atol=1e-9)
+    np.testing.assert_allclose(found.link_wrenches["elbow"], expected(ELBOW), atol=1e-9)

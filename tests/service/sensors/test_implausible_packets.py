@@ -46,6 +46,21 @@ def test_torques_that_are_exactly_zero_are_left_out_at_once():
         assert (sample.joint_torque is None) == (round(sample.t * 500) % 10 == 0)
 
 
+def test_torques_that_no_joint_has_are_left_out():
+    """Beyond 1.5 times the joint's limit, which is 28 Nm for the wrist of a UR5e."""
+    torque = FEED.joint_torque.copy()
+    torque[::10, 5] = -43.0
+    torque[5::10, 5] = -41.0
+    with (
+        MockServers(FEED, MOCK, fields={"actual_current_as_torque": torque}) as servers,
+        LiveSource(SCENE, settings_for(servers)) as source,
+    ):
+        samples = collect(source, 100)
+        assert "joint torques far beyond what its joints can apply" in source.health.trouble
+    for sample in samples:
+        assert (sample.joint_torque is None) == (round(sample.t * 500) % 10 == 0)
+
+
 def test_a_joint_whose_current_is_stuck_is_named_and_the_torques_are_left_out():
     """While the arm rests, the controller's own target currents stay the same."""
     current = np.random.default_rng(0).standard_normal((FEED.n, 6))

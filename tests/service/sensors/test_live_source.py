@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from contactsense.robots.tool import Tool
+from contactsense.runtime.wrench_map import WrenchMap
 from contactsense.scene import JointTorqueSensor, LinkWrenchSensor, Scene, WrenchSensor
 from contactsense.service.mock.cell import TORQUE_CONSTANTS
 from contactsense.service.mock.controller import Controller
@@ -16,7 +17,6 @@ from contactsense.service.mock.servers import MockServers
 from contactsense.service.sensors.live_source import LiveSource, SourceSettings
 from contactsense.service.sensors.network_wrench import WrenchSource
 from contactsense.service.sensors.robot_stream import SensorError
-from contactsense.service.sensors.signal_mapping import WrenchMap
 from contactsense.service.wire.recipe import RtdeFieldError
 from tests.service.loopback import own_address, until
 from tests.service.sensors.mock_source import FEED, MOCK, SCENE, WRENCH, collect, settings_for
@@ -60,12 +60,17 @@ def test_the_rate_of_the_sensor_may_be_learned():
         assert_of_its_instant(with_wrench(source, 300))
 
 
-@pytest.mark.parametrize(("told", "shift"), [(0.006, 0.0), (0.0, 0.006)])
-def test_a_later_force_torque_stream(told, shift):
+@pytest.mark.parametrize(
+    ("network", "sensor", "shift"), [(0.006, 0.0, 0.0), (0.002, 0.004, 0.0), (0.0, 0.0, 0.006)]
+)
+def test_a_later_force_torque_stream(network, sensor, shift):
+    """The delay of the network is a setting of the source, that of the sensor belongs to the scene."""
     mock = dataclasses.replace(MOCK, netft_delay=0.006)
+    place = SCENE.base_wrench.model_copy(update={"delay": sensor})
+    scene = SCENE.model_copy(update={"base_wrench": place})
     with (
         MockServers(FEED, mock) as servers,
-        LiveSource(SCENE, settings_for(servers, wrench_delay=told, wrench_wait=0.02)) as source,
+        LiveSource(scene, settings_for(servers, wrench_delay=network, wrench_wait=0.02)) as source,
     ):
         assert_of_its_instant(with_wrench(source, 300), shift)
 

@@ -58,6 +58,17 @@ def test_one_absurd_velocity_does_not_make_an_arm_at_rest_stale_for_ever():
     assert not any(check.positions_stale(t, q, rest) for t in TIMES[2:])
 
 
+@pytest.mark.parametrize("step", [-50.0, 0.0, 3600.0])
+def test_positions_that_repeat_over_a_step_of_the_clock_are_not_stale(step: float) -> None:
+    """How long they have repeated is unknown then."""
+    q, moving = np.zeros(6), np.array([0.0, 0.5, 0.0, 0.0, 0.0, 0.0])
+    check = RobotCheck(LIMITS)
+    assert not check.positions_stale(100.0, q, moving)
+    assert check.positions_stale(100.002, q, moving)
+    assert not check.positions_stale(100.002 + step, q, moving)
+    assert check.positions_stale(100.004 + step, q, moving)
+
+
 def test_positions_that_repeat_are_stale_again_after_a_rest():
     q, rest, moving = np.zeros(6), np.zeros(6), np.array([0.0, 0.5, 0.0, 0.0, 0.0, 0.0])
     check = RobotCheck(LIMITS)

@@ -6,9 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from contactsense.runtime.wrench_map import WrenchMap
 from contactsense.scene import JointTorqueSensor, Scene, WrenchSensor
 from contactsense.service.sensors.robot_stream import SensorError
-from contactsense.service.sensors.signal_mapping import TorqueMap, WrenchMap
+from contactsense.service.sensors.signal_mapping import TorqueMap
 
 number = st.floats(-3.0, 3.0)
 triple = st.tuples(number, number, number)

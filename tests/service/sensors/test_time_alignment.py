@@ -276,6 +276,22 @@ def test_a_silent_sensor_gives_nothing_and_not_its_last_value():
     assert gone.age == pytest.approx(0.011, abs=1e-6)
 
 
+def test_a_slow_sensors_reading_is_used_until_the_next_one_is_overdue():
+    """Its readings are further apart than the age allowed: each is used for 1.5 intervals."""
+    aligner = Aligner(period=1e-3, max_age=0.01)
+    for k in range(0, 2000, 20):
+        aligner.add(k, k * 1_000_000, [float(k)] * 6)
+    for k in range(1000):
+        aligner.observe_robot(k * 0.002, k * 2_000_000)
+    between = aligner.at(1.955)
+    assert between.wrench is not None
+    assert between.wrench[0] == pytest.approx(1955.0, abs=1e-3)
+    held = aligner.at(1.980 + 0.029)
+    assert held.wrench is not None
+    assert held.wrench[0] == 1980.0
+    assert aligner.at(1.980 + 0.031).wrench is None
+
+
 def test_a_gap_is_not_bridged():
     aligner = Aligner(max_age=0.01)
     for k in [*range(100), *range(200, 300)]:

@@ -2,7 +2,9 @@
 
 import os
 import signal
+import subprocess
 import time
+from unittest.mock import Mock
 
 import pytest
 
@@ -113,6 +115,21 @@ def test_nobody_there():
     assert until(lambda: stream.poll(0.05) or stream.health.failures >= 2)
     assert f"Could not connect to: {host} at 30004" in stream.health.error
     stream.close()
+
+
+def test_a_child_that_cannot_be_started_is_tried_again_and_leaves_nothing_open(monkeypatch):
+    refusal = BlockingIOError(11, "Resource temporarily unavailable")
+    host = own_address()
+    stream = open_stream(host)
+    opened = len(os.listdir("/proc/self/fd"))
+    with monkeypatch.context() as patch:
+        patch.setattr(subprocess, "Popen", Mock(side_effect=refusal))
+        assert until(lambda: stream.poll(0.1) or stream.health.failures >= 3)
+    assert "cannot be started: Resource temporarily unavailable" in stream.health.error
+    assert len(os.listdir("/proc/self/fd")) == opened
+    with rtde_server(host=host, port=30004):
+        collect(stream, 20)
+        stream.close()
 
 
 def test_a_killed_child_is_replaced():

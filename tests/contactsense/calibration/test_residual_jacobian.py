@@ -1,0 +1,60 @@
+"""Derivatives of a recording's residuals by the parameters of a calibration."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from contactsense.benchmarks.calibration.coverage import CENTER, draw
+from contactsense.benchmarks.calibration.simulate import simulate
+from contactsense.calibration import FreeMotion
+from contactsense.calibration.calibration_model import CalibrationModel
+from contactsense.calibration.fourier_trajectory import FourierTrajectory
+from contactsense.calibration.parameters import Group, apply_step, entries
+from contactsense.calibration.recording_residuals import residuals
+from contactsense.calibration.residual_jacobian import linearize
+
+BANDWIDTH = 10.0
+
+
+@pytest.fixture(scope="module")
+def recorded() -> tuple[CalibrationModel, FreeMotion]:
+    truth, gain, start = draw(np.random.default_rng(11))
+    motion = FourierTrajectory.draw(np.random.default_rng(12), CENTER, np.full(6, 0.7), 8, 6.0)
+    return CalibrationModel.of(start), simulate(truth, motion, 13, 125.0, gain)
+
+
+def test_noise_of_the_torques_is_not_in_the_derivatives_by_the_torque_constants(
+    recorded: tuple[CalibrationModel, FreeMotion],
+) -> None:
+    """In a regressor it would bias them towards zero."""
+    arm, recording = recorded
+    assert recording.torque is not None
+    noise = 30.0 * np.random.default_rng(0).standard_normal(recording.torque.shape)
+    noisy = replace(recording, torque=recording.torque + noise)
+    selected = entries(arm, ("gain",))
+    clean, disturbed = (linearize(arm, x, selected, BANDWIDTH, 1) for x in (recording, noisy))
+    for one, other in zip(clean, disturbed, strict=True):
+        assert len(one.columns) == (one.channel < 6)
+        np.testing.assert_allclose(one.slope, other.slope, atol=1e-9 * np.abs(one.slope).max(initial=0.0))
+        if one.channel < 6:
+            assert np.std(one.residual - other.residual) > 1.0
+
+
+@pytest.mark.parametrize(
+    "group",
+    ["links", "payload", "bias", "coulomb", "viscous", "rotor", "turn", "shift", "tilt", "wrench_bias"],
+)
+def test_a_small_step_changes_the_residuals_by_the_derivative(
+    recorded: tuple[CalibrationModel, FreeMotion], group: Group
+) -> None:
+    """Not by the delay: the interpolation between samples has kinks."""
+    arm, recording = recorded
+    selected = entries(arm, (group,))
+    step = 1e-3 * np.array([entry.prior_std for entry in selected])
+    before, after = (residuals(x, recording, BANDWIDTH) for x in (arm, apply_step(arm, list(selected), step)))
+    change = after - before
+    for row in linearize(arm, recording, selected, BANDWIDTH, 1):
+        expected = change[-len(row.residual) :, row.channel]
+        np.testing.assert_allclose(row.slope @ step[row.columns], expected, atol=1e-3 * np.abs(change).max())
+    assert np.abs(change).max() > 0.0

@@ -1,0 +1,106 @@
+"""The bias filter against dense linear algebra: r = Phi e + noise, with e of covariance P."""
+
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from contactsense import JointTorqueSensor, robots
+from contactsense.kinematics.model import Motion, build_model, empty_motion
+from contactsense.kinematics.momenta import kinematics_and_momenta
+from contactsense.kinematics.spatial import Six
+from contactsense.residuals.bias_filter import (
+    BiasFilter,
+    friction_above_scene,
+    mass_variance,
+    predict,
+    restart,
+    update,
+)
+from contactsense.residuals.joint_friction import JointTorqueModel, joint_torque_model
+from contactsense.robots.jit.flat_buffers import zeros
+from contactsense.sensors.settings import Friction
+
+N = 6
+SIZE = 6 + 3 * N
+MODEL = build_model(robots.load("ur5e"))
+GRAVITY = np.array([0.5, -1.0, -9.7])
+BANDWIDTH, DT = 10.0, 0.004
+
+
+class Filter(NamedTuple):
+    state: BiasFilter
+    drive: JointTorqueModel
+    motion: Motion
+
+
+def torque_model() -> JointTorqueModel:
+    return joint_torque_model(JointTorqueSensor(friction=Friction(coulomb=3.0, error=0.2)), N)
+
+
+def in_motion(seed: int = 0) -> Filter:
+    """A filter after some samples of a swinging arm, all of whose estimates are correlated."""
+    drive, motion, state = torque_model(), empty_motion(N), zeros(BiasFilter, joints=N)
+    restart(state, 0.05, np.array([0.0, 0.0, -30.0, 1.0, 2.0, 0.0]), drive.friction_error)
+    chance = np.random.default_rng(seed)
+    for i in range(60):
+        if i == 59:
+            spread = chance.standard_normal((SIZE, SIZE))
+            state.covariance[:] = 1e-3 * spread @ spread.T
+            state.friction_regressor[:] = chance.uniform(-4.0, 4.0, N)
+        q, qd = np.sin(0.02 * i + np.arange(6.0)), np.cos(0.02 * i + np.arange(6.0))
+        kinematics_and_momenta(MODEL, q, qd, GRAVITY, motion)
+        noise = 0.01 * np.eye(6), np.full(N, 0.02)
+        predict(state, drive, motion, *noise, 0.1, DT if i else 0.0, BANDWIDTH)
+    return Filter(state, drive, motion)
+
+
+def phi(state: BiasFilter) -> np.ndarray:
+    """Rows of the torques, then of the base wrench, shape (N + 6, SIZE)."""
+    rows = np.zeros((N + 6, SIZE))
+    rows[:N, 6 : 6 + N] = np.eye(N)
+    rows[:N, 6 + N : 6 + 2 * N] = np.diag(state.friction_regressor)
+    rows[N:, :6] = -np.eye(6)
+    rows[:, 6 + 2 * N :] = np.asarray(state.mass_regressor.residual).reshape(N, N + 6).T
+    return rows
+
+
+def test_what_remains_uncertain_is_added_to_the_residuals() -> None:
+    state = in_motion().state
+    rows = phi(state)
+    assert np.abs(rows[:, 6 + 2 * N :]).max() > 10.0
+    covariance = rows @ state.covariance @ rows.T
+    np.testing.assert_allclose(state.torque_variance, np.diag(covariance)[:N], rtol=1e-10)
+    np.testing.assert_allclose(state.base_covariance, covariance[N:, N:], rtol=1e-10, atol=1e-12)
+
+
+@pytest.mark.parametrize("first_body", [1, 4])
+def test_masses_of_what_a_link_sensor_carries_are_uncertain(first_body: int) -> None:
+    state = in_motion().state
+    row: Six = (0.3, -1.0, 0.2, 0.5, 0.1, -0.7)
+    carried = phi(state)[N:, 6 + 2 * N + first_body - 1 :]
+    P = state.covariance[6 + 2 * N + first_body - 1 :, 6 + 2 * N + first_body - 1 :]
+    expected = np.array(row) @ carried @ P @ carried.T @ np.array(row)
+    assert mass_variance(state, first_body, np.array(row)) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("equation", [2, N + 3])
+def test_an_update_is_that_of_a_kalman_filter(equation: int) -> None:
+    state = in_motion().state
+    row, P = phi(state)[equation], state.covariance.copy()
+    before = np.random.default_rng(3).standard_normal(SIZE)
+    state.correction[:] = before
+    residual, variance = 2.5, 0.3
+    gain = P @ row / (row @ P @ row + variance)
+    update(state, equation, N, residual, variance)
+    # What has been corrected already is still in the residual, whose correction follows.
+    np.testing.assert_allclose(state.correction, before - gain * (residual + row @ before), rtol=1e-9)
+    np.testing.assert_allclose(state.covariance, P - np.outer(gain, row @ P), rtol=1e-8, atol=1e-12)
+
+
+def test_friction_above_that_of_the_scene() -> None:
+    """The regressor is friction with the estimated factor; with the scene's, it would be that over it."""
+    state, drive, _ = in_motion()
+    drive.friction_factor[2] = 1.6
+    state.friction_regressor[2] = 8.0
+    assert friction_above_scene(state, drive, 2) == pytest.approx(8.0 - 8.0 / 1.6)

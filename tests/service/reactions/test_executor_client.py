@@ -1,0 +1,191 @@
+"""The executor's process, and one that a test scripts, from the pipeline's side."""
+
+import json
+import os
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from contactsense.service.reactions.actions.command import CommandAction
+from contactsense.service.reactions.executor_client import ExecutorClient
+from tests.service.loopback import until
+
+HOST = "127.0.0.1"
+TOLD = {"rule": "arm", "level": "collision"}
+POPEN = "contactsense.service.reactions.executor_client.subprocess.Popen"
+
+
+def results_of(client: ExecutorClient, count: int, timeout: float = 20.0) -> list[dict[str, Any]]:
+    results: list[dict[str, Any]] = []
+
+    def enough() -> bool:
+        results.extend(client.poll(time.monotonic()))
+        return len(results) >= count
+
+    assert until(enough, timeout), results
+    return results
+
+
+def test_an_action_that_hangs_holds_up_no_other() -> None:
+    slow = CommandAction(type="command", command=("sleep", "60"), timeout=1.5)
+    quick = CommandAction(type="command", command=("true",))
+    client = ExecutorClient({"slow": slow, "quick": quick}, HOST)
+    try:
+        client.start("quick", TOLD, time.monotonic())
+        results_of(client, 1)  # it has started
+        now = time.monotonic()
+        assert client.start("slow", TOLD, now) == ""
+        assert client.start("quick", TOLD, now) == ""
+        first, second = results_of(client, 2)
+        assert (first["action"], first["ok"]) == ("quick", True)
+        assert (second["action"], second["ok"], "killed" in second["reason"]) == ("slow", False, True)
+    finally:
+        client.close()
+
+
+def test_an_executor_that_dies_is_told_and_started_again() -> None:
+    client = ExecutorClient({"a": CommandAction(type="command", command=("sleep", "60"))}, HOST)
+    try:
+        client.start("a", TOLD, time.monotonic())
+        pid = client.pid
+        assert pid is not None
+        os.kill(pid, 9)
+        (result,) = results_of(client, 1)
+        assert (result["ok"], result["reason"]) == (False, "the executor's process died")
+
+        def again() -> bool:
+            client.poll(time.monotonic())
+            return client.pid not in (None, pid)
+
+        assert until(again)
+    finally:
+        client.close()
+
+
+def test_an_executor_that_hangs_is_told() -> None:
+    client = ExecutorClient({"a": CommandAction(type="command", command=("true",), timeout=0.1)}, HOST)
+    try:
+        pid = client.pid
+        assert pid is not None
+        os.kill(pid, 19)  # SIGSTOP
+        begin = time.monotonic()
+        client.start("a", TOLD, begin)
+        (result,) = results_of(client, 1)
+        assert "hangs: no result after 1.1 s" in result["reason"]
+    finally:
+        client.close()
+
+
+class ScriptedExecutor:
+    """In place of the executor's process: it reports what a test says."""
+
+    started = 0
+
+    def __init__(self, *_: object, **__: object) -> None:
+        type(self).started += 1
+        read, self._write = os.pipe()
+        self.stdin, self.stdout = (
+            os.fdopen(os.open(os.devnull, os.O_WRONLY), "wb", 0),
+            os.fdopen(read, "rb", 0),
+        )
+
+    def report(self, task: str, ok: bool = True) -> None:
+        result = {"action": "a", "ok": ok, "reason": "", "took": 0.0, "task": task}
+        os.write(self._write, json.dumps(result).encode() + b"\n")
+
+    def kill(self) -> None:
+        if self._write >= 0:
+            os.close(self._write)
+        self._write = -1
+
+    def wait(self) -> None:
+        pass
+
+
+@pytest.fixture
+def scripted(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[ExecutorClient, ScriptedExecutor]]:
+    """A client of one action with a limit of 2 s, one of which is grace."""
+    monkeypatch.setattr(POPEN, ScriptedExecutor)
+    client = ExecutorClient({"a": CommandAction(type="command", command=("true",), timeout=1.0)}, HOST)
+    process: Any = client._process
+    try:
+        yield client, process
+    finally:
+        client.close()
+
+
+@pytest.mark.parametrize("task", ["newest", "none"])
+def test_what_is_reported_of_another_decision_ends_no_waiting(
+    scripted: tuple[ExecutorClient, ScriptedExecutor], task: str
+) -> None:
+    """One that was skipped, or a preparation that failed: the decision that hangs hangs all the same."""
+    client, process = scripted
+    client.start("a", TOLD, 0.0)
+    if task == "newest":
+        client.start("a", TOLD, 1.9)
+    process.report(task, False)
+    assert [result["task"] for result in client.poll(1.95)] == [task]
+    (late,) = client.poll(2.1)
+    assert late["reason"] == "hangs: no result after 2 s"
+    assert late["took"] == pytest.approx(2.1)
+    process.report(task, False)
+    assert len(client.poll(2.2)) == 1  # it is not reported twice
+
+
+def test_a_decision_that_has_waited_for_another_does_not_hang(
+    scripted: tuple[ExecutorClient, ScriptedExecutor],
+) -> None:
+    client, process = scripted
+    client.start("a", TOLD, 0.0)
+    client.start("a", TOLD, 0.0)
+    process.report("oldest")
+    assert len(client.poll(1.9)) == 1
+    assert client.poll(3.8) == []
+    (late,) = client.poll(4.0)
+    assert "hangs" in late["reason"]
+
+
+def test_an_executor_that_keeps_dying_is_started_once_a_second(
+    scripted: tuple[ExecutorClient, ScriptedExecutor],
+) -> None:
+    client, process = scripted
+    now, before = time.monotonic(), ScriptedExecutor.started
+    process.kill()
+    for later in (0.1, 0.5, 0.9):
+        client.poll(now + later)
+    assert ScriptedExecutor.started == before
+    client.poll(now + 1.1)
+    client.poll(now + 1.2)
+    assert ScriptedExecutor.started == before + 1
+
+
+@pytest.mark.parametrize("starts", [True, False])
+def test_an_executor_that_cannot_be_started_is_tried_again(
+    monkeypatch: pytest.MonkeyPatch, starts: bool
+) -> None:
+    """The computer is out of processes or memory, or ends the process at once."""
+
+    class Refused(ScriptedExecutor):
+        def __init__(self, *_: object, **__: object) -> None:
+            if not starts:
+                raise BlockingIOError(11, "Resource temporarily unavailable")
+            super().__init__()
+            read, write = os.pipe()
+            os.close(read)
+            self.stdin.close()
+            self.stdin = os.fdopen(write, "wb", 0)
+
+    monkeypatch.setattr(POPEN, Refused)
+    client = ExecutorClient({"a": CommandAction(type="command", command=("true",))}, HOST)
+    try:
+        now = time.monotonic()
+        assert "not running" in client.start("a", TOLD, now)
+        assert client.poll(now + 1.1) == []
+        assert "not running" in client.start("a", TOLD, now + 1.2)
+        monkeypatch.setattr(POPEN, ScriptedExecutor)
+        client.poll(now + 2.2)
+        assert client.start("a", TOLD, now + 2.3) == ""
+    finally:
+        client.close()

@@ -1,0 +1,39 @@
+"""What the service knows of the reactions, from reports of the pipeline's process."""
+
+from typing import Any
+
+from contactsense.service.reactions.rules import ReactionRules
+from contactsense.service.reactions.state import Reactions
+
+RULES = ReactionRules.model_validate(
+    {"rules": [{"name": name, "links": ["any"], "collision": {"force": 50.0}} for name in ("old", "new")]}
+)
+
+
+def latch(rule: str) -> dict[str, Any]:
+    return {"rule": rule, "level": "collision", "kind": "begin", "t": 1.0, "link": "forearm", "force": 60.0}
+
+
+def report(*active: dict[str, Any], restored: bool, started: bool = False) -> dict[str, Any]:
+    return {
+        "type": "reactions", "started": started, "answer": None, "restored": restored, "active": list(active),
+        "expected": [], "actions": {},
+    }  # fmt: skip
+
+
+def test_latches_of_before_and_of_a_new_process_are_listed_once_each_until_it_has_all() -> None:
+    sent: list[dict[str, Any]] = []
+    reactions = Reactions(RULES, None, lambda command: sent.append(command) or True)  # type: ignore[func-returns-value]
+    stored: list[list[str]] = []
+    reactions.on_latched = lambda latched: stored.append([found["rule"] for found in latched])
+    reactions.restore([latch("old")])
+    reactions.handle_report(report(restored=False, started=True))
+    assert sent == [{"type": "restore", "decisions": [latch("old")]}]
+    for _ in range(3):
+        reactions.handle_report(report(latch("new"), restored=False))
+        assert [found.rule for found in reactions.latches] == ["old", "new"]
+    reactions.handle_report(report(latch("old"), latch("new"), restored=True))
+    assert [found.rule for found in reactions.latches] == ["old", "new"]
+    reactions.handle_report(report(latch("new"), restored=True))
+    assert [found.rule for found in reactions.latches] == ["new"]
+    assert stored == [["old", "new"], ["new"]]
