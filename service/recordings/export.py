@@ -11,6 +11,7 @@ import pyarrow.csv as pa_csv
 import pyarrow.parquet as pa_parquet
 
 from contactsense.runtime.link_sensor_frame import LinkSensorFrame
+from contactsense.runtime.wrench_map import WrenchMap
 from contactsense.scene import Scene
 from contactsense.sensors.link_values import as_fields, column_of
 from contactsense.service.recordings.metadata import metadata
@@ -25,7 +26,6 @@ from contactsense.service.recordings.ros_messages import (
     wrench_stamped,
 )
 from contactsense.service.recordings.table_files import reason
-from contactsense.service.sensors.signal_mapping import WrenchMap
 from contactsense.types import Contact
 
 
