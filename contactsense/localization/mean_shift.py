@@ -26,7 +26,7 @@ LEAST_EXPONENT = -40.0
 
 @fused_kernel
 def mean_shift(places: np.ndarray, start: Vector) -> Vector:
-    """The place that mean shift reaches.
+    """The place that mean shift reaches, in the frame of the places [m].
 
     Args:
         places: Coordinates x, y, z [m] and weights of N places, shape (4, N).

@@ -87,26 +87,18 @@ def build_candidate(
     tilt = tilt_in_cell(prior, scene.deviations, cell)
     store_candidate(candidates, row, p, frame, mode, local.surface_deviation, tilt)
     max_variance = max(mode.variances[0], mode.variances[2])
-    x, y, z = (
-        candidates.point[row, 0] - o[0],
-        candidates.point[row, 1] - o[1],
-        candidates.point[row, 2] - o[2],
-    )
-    kx = R[0, 0] * x + R[1, 0] * y + R[2, 0] * z
-    ky = R[0, 1] * x + R[1, 1] * y + R[2, 1] * z
-    kz = R[0, 2] * x + R[1, 2] * y + R[2, 2] * z
+    centre = rotate_back(R, subtract(vector(candidates.point[row]), vector(o)))
     converged = mode.log_evidence > -math.inf
     merge_radius = (
         max(MERGE_DISTANCE, MERGE_SIGMAS * math.sqrt(max_variance)) if converged else MERGE_DISTANCE
     )
-    members, total, mean, C = _merge_cells(surfaces, cells, rows, s, (kx, ky, kz), merge_radius)
+    members, total, mean, C = _merge_cells(surfaces, cells, rows, s, centre, merge_radius)
     candidates.score[row] = total
     # For a narrow posterior the mode is more accurate than what follows from the cells' tangent planes.
     narrow = converged and C[0] + C[3] + C[5] < 2.0 * (NARROW_POSTERIOR_CELLS * cells.spread[s]) ** 2
     shift = (0.0, 0.0, 0.0) if narrow else mean_shift(cells.members[:, :members], mean)
-    point = _project_onto_link(
-        surfaces, scene.deviations, candidates, row, link, (R, o), add((kx, ky, kz), shift)
-    )
+    dense = add(centre, shift)
+    point = _project_onto_link(surfaces, scene.deviations, candidates, row, link, (R, o), dense)
     if not narrow or not _pushes(candidates, row):
         nearest_row = _nearest_cell(cells, rows, point, rotate_back(R, vector(candidates.normal[row])))
         force = rotate(R, vector(cells.force[nearest_row]))
@@ -115,7 +107,7 @@ def build_candidate(
             place = vector(cells.point[nearest_row])
             point = _project_onto_link(surfaces, scene.deviations, candidates, row, link, (R, o), place)
         _fit_force(hypotheses, link, (R, o), prior, point, cells, candidates, row)
-    dx, dy, dz = point[0] - kx, point[1] - ky, point[2] - kz
+    dx, dy, dz = subtract(point, centre)
     # Second moments about the new point.
     C = (
         C[0] - 2.0 * mean[0] * dx + dx * dx,
@@ -265,10 +257,8 @@ def _nearest_cell(cells: SurfaceCells, rows: int, point: Vector, normal: Vector)
     best, least = -1, math.inf
     for i in range(rows):
         if cells.weight[i] > 0.0:
-            d, squared_edge = (
-                subtract(vector(cells.point[i]), point),
-                12.0 * cells.spread[i] * cells.spread[i],
-            )
+            d = subtract(vector(cells.point[i]), point)
+            squared_edge = 12.0 * cells.spread[i] * cells.spread[i]
             distance = dot(d, d) + squared_edge * (1.0 - dot(normal, vector(cells.normal[i])))
             if distance < least:
                 best, least = i, distance

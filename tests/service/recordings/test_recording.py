@@ -1,6 +1,5 @@
 """Recordings in every format that is read, and everything that can be wrong with them."""
 
-import gzip
 from collections.abc import Callable
 from pathlib import Path
 
@@ -22,66 +21,24 @@ from contactsense.service.recordings import (
 )
 from contactsense.service.recordings.cleaning import RowChecker
 from contactsense.service.recordings.metadata import metadata
+from tests.service.recordings.tables import (
+    N,
+    as_arrow,
+    as_blanks,
+    as_csv,
+    as_folder,
+    as_gzip,
+    as_parquet,
+    columns,
+    table,
+    text,
+)
 
-N = 50
 SCENE = Scene(
     robot="ur5e",
     base_wrench=WrenchSensor(rpy=(0.1, 0.2, 0.3), translation=(0.0, 0.0, -0.05), sign="sensor_on_arm"),
 )
 TORQUES = Scene(robot="ur5e", base_wrench=None)
-
-
-def columns(n: int = N, **more: np.ndarray) -> dict[str, np.ndarray]:
-    chance = np.random.default_rng(1)
-    found = {"timestamp": np.arange(n) * 0.002 + 100.0}
-    for group in ("actual_q", "actual_qd", "joint_torque", "base_wrench"):
-        found |= {f"{group}_{i}": np.round(chance.standard_normal(n), 6) for i in range(6)}
-    return found | more
-
-
-def table(found: dict[str, np.ndarray], name: str) -> np.ndarray:
-    return np.column_stack([found[f"{name}_{i}"] for i in range(6)])
-
-
-def text(found: dict[str, np.ndarray], delimiter: str = ",") -> str:
-    rows = [delimiter.join(found)]
-    rows += [delimiter.join(f"{value:.6f}" for value in row) for row in zip(*found.values(), strict=True)]
-    return "\n".join(rows) + "\n"
-
-
-def as_csv(path: Path, found: dict[str, np.ndarray]) -> Path:
-    (path / "a.csv").write_text(text(found))
-    return path / "a.csv"
-
-
-def as_blanks(path: Path, found: dict[str, np.ndarray]) -> Path:
-    (path / "a.csv").write_text(text(found, " "))
-    return path / "a.csv"
-
-
-def as_gzip(path: Path, found: dict[str, np.ndarray]) -> Path:
-    (path / "a.csv.gz").write_bytes(gzip.compress(text(found).encode()))
-    return path / "a.csv.gz"
-
-
-def as_parquet(path: Path, found: dict[str, np.ndarray]) -> Path:
-    pa_parquet.write_table(pa.table(found), path / "a.parquet")
-    return path / "a.parquet"
-
-
-def as_folder(path: Path, found: dict[str, np.ndarray]) -> Path:
-    whole, folder = pa.table(found), path / "robot=left" / "date=2026-01-01"
-    folder.mkdir(parents=True)
-    pa_parquet.write_table(whole[:20], folder / "part-0.parquet")
-    pa_parquet.write_table(whole[20:], folder / "part-1.parquet")
-    return path / "robot=left"
-
-
-def as_arrow(path: Path, found: dict[str, np.ndarray]) -> Path:
-    whole = pa.table(found)
-    with pa.OSFile(str(path / "a.arrows"), "wb") as sink, pa.ipc.new_stream(sink, whole.schema) as stream:
-        stream.write_table(whole, max_chunksize=16)
-    return path / "a.arrows"
 
 
 @pytest.mark.parametrize("write", [as_csv, as_blanks, as_gzip, as_parquet, as_folder, as_arrow])
@@ -181,15 +138,6 @@ def test_blocks_hold_every_row_once(tmp_path: Path, size: int) -> None:
     blocks = list(file.blocks(size))
     assert max(map(len, blocks)) <= size
     np.testing.assert_array_equal(np.concatenate([block.rows for block in blocks]), np.arange(N))
-
-
-def test_the_delay_of_the_base_sensor_is_taken_off(tmp_path: Path) -> None:
-    t = np.arange(N) * 0.002
-    found = columns(timestamp=t) | {f"base_wrench_{i}": (i + 1.0) * t for i in range(6)}
-    late = Scene(robot="ur5e", base_wrench=WrenchSensor(delay=0.01))
-    recording = read(as_parquet(tmp_path, found), late)
-    expected = (np.arange(6) + 1.0) * (t[:-10, None] + 0.01)
-    np.testing.assert_allclose(recording.base_wrench[:-10], expected, atol=1e-9)
 
 
 def test_rows_that_are_wrong_are_named_and_the_rest_is_used(tmp_path: Path) -> None:
@@ -367,39 +315,3 @@ def test_a_recording_steps_through_the_localizer(tmp_path: Path) -> None:
     estimates = list(localizer.run(read(as_parquet(tmp_path, columns()), TORQUES).samples()))
     assert len(estimates) == N
     assert isinstance(next(read(as_parquet(tmp_path, columns()), TORQUES).samples()), Sample)
-
-
-@pytest.mark.parametrize("delay", [0.01, -0.01])
-@pytest.mark.parametrize("size", [7, 64, 1000])
-def test_a_delay_is_taken_off_alike_in_blocks_of_any_size(tmp_path: Path, delay: float, size: int) -> None:
-    """Also a negative one, for which readings of the block before are needed."""
-    found = columns(300)
-    found |= {f"base_wrench_{i}": np.sin(found["timestamp"] * (i + 5.0)) for i in range(6)}
-    path = tmp_path / "a.parquet"
-    pa_parquet.write_table(pa.table(found), path)
-    scene = Scene(robot="ur5e", base_wrench=WrenchSensor(delay=delay))
-    recording = RecordingFile(path, scene)
-    parts = [(first, _rows(found, first, first + 40)) for first in range(0, 300, 40)]
-    recording._table.batches = lambda *_: iter(parts)  # type: ignore[method-assign]
-    blocks = list(recording.blocks(size))
-    t = np.concatenate([block.t for block in blocks])
-    np.testing.assert_array_equal(t, found["timestamp"])
-    wrench = np.vstack([block.base_wrench for block in blocks if block.base_wrench is not None])
-    inner = slice(10, 290)
-    times = t[inner] + delay
-    expected = np.column_stack([np.interp(times, t, found[f"base_wrench_{i}"]) for i in range(6)])
-    np.testing.assert_allclose(wrench[inner], expected, atol=1e-9)
-
-
-def test_a_delay_mixes_no_readings_from_before_and_after_a_clock_reset(tmp_path: Path) -> None:
-    found = columns(100)
-    found["timestamp"] = np.concatenate((500.0 + 0.002 * np.arange(60), 0.002 * np.arange(40)))
-    found |= {f"base_wrench_{i}": np.where(np.arange(100) < 60, 1.0, 2.0) for i in range(6)}
-    scene = Scene(robot="ur5e", base_wrench=WrenchSensor(delay=0.006))
-    recording = read(as_parquet(tmp_path, found), scene)
-    np.testing.assert_array_equal(recording.t, found["timestamp"])
-    np.testing.assert_allclose(recording.base_wrench, table(found, "base_wrench"))
-
-
-def _rows(found: dict[str, np.ndarray], first: int, last: int) -> dict[str, np.ndarray]:
-    return {name: values[first:last] for name, values in found.items()}

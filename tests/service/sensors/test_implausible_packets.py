@@ -33,30 +33,32 @@ def test_each_value_of_the_torques_is_used_once():
     assert "torques" not in source.health.trouble
 
 
-def test_torques_that_are_exactly_zero_are_left_out_at_once():
-    torque = FEED.joint_torque.copy()
+def _exactly_zero(torque: np.ndarray) -> None:
     torque[::10] = 0.0
-    with (
-        MockServers(FEED, MOCK, fields={"actual_current_as_torque": torque}) as servers,
-        LiveSource(SCENE, settings_for(servers)) as source,
-    ):
-        samples = collect(source, 100)
-        assert "torques are exactly zero" in source.health.trouble
-    for sample in samples:
-        assert (sample.joint_torque is None) == (round(sample.t * 500) % 10 == 0)
 
 
-def test_torques_that_no_joint_has_are_left_out():
-    """Beyond 1.5 times the joint's limit, which is 28 Nm for the wrist of a UR5e."""
-    torque = FEED.joint_torque.copy()
+def _beyond_any_joint(torque: np.ndarray) -> None:
+    """Beyond 1.5 times the joint's limit, which is 28 Nm for the wrist of a UR5e, and just within it."""
     torque[::10, 5] = -43.0
     torque[5::10, 5] = -41.0
+
+
+@pytest.mark.parametrize(
+    ("change", "reported"),
+    [
+        (_exactly_zero, "torques are exactly zero"),
+        (_beyond_any_joint, "joint torques far beyond what its joints can apply"),
+    ],
+)
+def test_torques_that_cannot_be_are_left_out_at_once(change, reported):
+    torque = FEED.joint_torque.copy()
+    change(torque)
     with (
         MockServers(FEED, MOCK, fields={"actual_current_as_torque": torque}) as servers,
         LiveSource(SCENE, settings_for(servers)) as source,
     ):
         samples = collect(source, 100)
-        assert "joint torques far beyond what its joints can apply" in source.health.trouble
+        assert reported in source.health.trouble
     for sample in samples:
         assert (sample.joint_torque is None) == (round(sample.t * 500) % 10 == 0)
 
