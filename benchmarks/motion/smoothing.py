@@ -105,7 +105,7 @@ class Comparer:
         if found is not None:
             for k in strong:
                 origin, rotation = self._frames.link_pose(stream.q[at[k]], found.best.link)
-                point, _, covariance = found.at(float(stream.t[at[k]]))
+                (point,), _, (covariance,) = found.at(stream.t[at[k] : at[k] + 1])
                 error = origin + rotation @ point - truth[k]
                 whole[k] = np.linalg.norm(error)
             covariance = rotation @ covariance @ rotation.T

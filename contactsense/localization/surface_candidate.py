@@ -17,7 +17,7 @@ from contactsense.kinematics.spatial import Six
 from contactsense.kinematics.wrench_information import to_body_frame
 from contactsense.localization.candidate_buffers import Candidates, rotate_into, store_candidate
 from contactsense.localization.ellipse_scale import ellipse_scale
-from contactsense.localization.laplace_evidence import find_modes
+from contactsense.localization.force_at_place import FIXED_SPREAD, force_at_place
 from contactsense.localization.local_prior import DeviationCells, nearest_cell, prior_in_cell, tilt_in_cell
 from contactsense.localization.mean_shift import mean_shift
 from contactsense.localization.mean_surface import mean_frame
@@ -29,10 +29,6 @@ from contactsense.robots.surface.union import nearest
 from contactsense.robots.vectors import Vector, add, dot, rotate, rotate_back, subtract, vector
 from contactsense.solvers.posterior import Contact, Prior, pushing_force
 from contactsense.solvers.posterior_mode import find_posterior_mode
-
-from contactsense.localization.simd_layout import (  # isort: skip
-    CHI, FX, FY, FZ, NX, NY, NZ, SPREAD, X, Y, Z,
-)  # fmt: skip
 
 MERGE_DISTANCE = 0.04
 """Cells within this distance of a candidate's point belong to the candidate [m]."""
@@ -47,8 +43,6 @@ NARROW_POSTERIOR_CELLS = 2.0
 
 What follows from so few cells depends on where they happen to lie.
 """
-FIXED_SPREAD = 1e-4
-"""Standard deviation of a place that is fixed [m]."""
 LEAST_LOG_WEIGHT = -40.0
 """Least log of the weight of a cell in its candidate, as far as it is computed: none."""
 
@@ -142,18 +136,16 @@ def _fit_force(
 ) -> None:
     """Give a candidate the most probable force and torsion of a contact at its place. `pose`: of the link;
     `point`: the place, link frame [m]."""
-    (R, o), block = pose, cells.mode_block
-    w, P = hypotheses.wrench[link], hypotheses.covariance[link]
-    to_body_frame(w, hypotheses.information[link], R, o, cells.wrench, cells.information)
-    block[X], block[Y], block[Z] = point
-    block[NX], block[NY], block[NZ] = rotate_back(R, vector(candidates.normal[row]))
-    block[SPREAD] = FIXED_SPREAD
-    find_modes(
-        1, cells.wrench, cells.information, prior, math.sqrt(P[0, 0] + P[1, 1] + P[2, 2]), math.inf, block
+    (R, o), P = pose, hypotheses.covariance[link]
+    to_body_frame(
+        hypotheses.wrench[link], hypotheses.information[link], R, o, cells.wrench, cells.information
     )
-    f = rotate(R, (block[FX], block[FY], block[FZ]))
-    candidates.torsion[row] = -block[CHI] * dot(f, vector(candidates.normal[row]))
-    candidates.force[row, 0], candidates.force[row, 1], candidates.force[row, 2] = f
+    deviation = math.sqrt(P[0, 0] + P[1, 1] + P[2, 2])
+    normal = rotate_back(R, vector(candidates.normal[row]))
+    force, candidates.torsion[row] = force_at_place(
+        cells.wrench, cells.information, prior, deviation, point, normal, FIXED_SPREAD, cells.mode_block
+    )
+    rotate_into(R, force[0], force[1], force[2], candidates.force[row])
 
 
 @fused_kernel

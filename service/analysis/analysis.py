@@ -267,7 +267,9 @@ class AnalysisRun:
         self._smoother = self._smoother or ContactSmoother(self.scene)
         # After a pause the arm may only ring: that is no push at one place.
         smoothed = self._smoother.smooth(history.strongest_stretch())
-        return contact if smoothed is None else self._summarizer.with_place(contact, history, smoothed)
+        if smoothed is None:
+            return contact
+        return self._summarizer.with_place(contact, self._smoother.with_forces(history, smoothed), smoothed)
 
 
 def _span(recording: Recording | RecordingFile) -> tuple[float | None, float | None]:

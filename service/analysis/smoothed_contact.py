@@ -26,14 +26,16 @@ class SmoothedContact:
         """The most probable explanation."""
         return self.places[0]
 
-    def at(self, t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Place [m], outward normal and covariance [m^2] of the best explanation at a time [s], link
-        frame."""
+    def at(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Places [m], outward normals and covariances [m^2] of the best explanation at K times [s], link
+        frame, shapes (K, 3), (K, 3) and (K, 3, 3)."""
         best, times = self.best, self.windows.t
-        point = np.array([np.interp(t, times, column) for column in best.point.T])
-        normal = np.array([np.interp(t, times, column) for column in best.normal.T])
-        w = int(np.argmin(np.abs(times - t)))
-        return point, normal / np.linalg.norm(normal), best.covariance[w]
+        point, normal = (
+            np.column_stack([np.interp(t, times, column) for column in values.T])
+            for values in (best.point, best.normal)
+        )
+        nearest = np.argmin(np.abs(times - t[:, None]), axis=1)
+        return point, normal / np.linalg.norm(normal, axis=1, keepdims=True), best.covariance[nearest]
 
 
 def ranked(windows: ContactWindows, places: list[Place], links: int) -> SmoothedContact | None:

@@ -17,6 +17,7 @@ from contactsense.service.analysis.contact_windows import ContactWindows, contac
 from contactsense.service.analysis.curved_regions import curvature_covariance
 from contactsense.service.analysis.link_windows import link_windows
 from contactsense.service.analysis.place_accessibility import log_accessible_share
+from contactsense.service.analysis.place_forces import with_forces_at_place
 from contactsense.service.analysis.place_search import LinkMeasurement, Place, PlaceSearch, WindowSums
 from contactsense.service.analysis.skin_constraint import place_on_skin
 from contactsense.service.analysis.smoothed_contact import SmoothedContact, ranked
@@ -90,6 +91,12 @@ class ContactSmoother:
             if track is not None:
                 places += self._explanation([*self._paths(link, track, measured[link])], windows)
         return ranked(windows, places, len(self._scene.link_names))
+
+    def with_forces(self, history: ContactHistory, smoothed: SmoothedContact) -> ContactHistory:
+        """A contact with the forces that belong to the place which `smooth` has found."""
+        if self._scene.base_wrench is not None:
+            return history
+        return with_forces_at_place(history, smoothed, self._model, self._localizer._buffers.constants)
 
     def _is_beyond_link_sensor(self, history: ContactHistory) -> bool:
         """Whether the live estimates leave it open that something beyond a link sensor was touched. If not,

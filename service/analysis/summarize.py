@@ -41,7 +41,7 @@ class Summarizer:
     def summarize(self, history: ContactHistory, recording: str) -> ContactSummary:
         """Summary from the live estimates: the link with the most force-weighted probability, and the most
         precise of its places."""
-        t, rows = history.t, history.rows
+        rows = history.rows
         if len(rows) == 0:
             return self._unexplained(history, recording)
         force = history.force
@@ -59,8 +59,6 @@ class Summarizer:
         there, turned = self.link_pose(history.block.q[history.sample[on_link[np.argmin(spread)]]], link)
         relative = turn @ turned.T
         point_base = here + relative @ (best[POINT_BASE] - there)
-        times, early = t[history.sample], t[history.sample] - t[0] <= TRANSIENT_TIME
-        curve = _force_curve(history)
         return ContactSummary(
             **self._frame(history, recording),
             link=self._scene.link_names[link],
@@ -71,32 +69,26 @@ class Summarizer:
             point_base=point_base,
             normal_base=relative @ best[NORMAL],
             covariance=relative @ best[COVARIANCE].reshape(3, 3) @ relative.T,
-            force_base=rows[peak, FORCE].copy(),
-            peak_force=float(force[peak]),
-            peak_time=float(times[peak]),
-            transient_force=float(np.max(force[early], initial=0.0)),
-            quasi_static_force=float(np.max(force[~early], initial=0.0)),
-            impulse=float(np.trapezoid(curve.force, curve.t)),
-            torsion=float(rows[peak, TORSION]),
+            **_force_fields(history),
             speed=self.speed(history.block.q[0], history.block.qd[0], link, best[POINT]),
-            q=history.block.q[at_peak].copy(),
-            curve=_thinned(curve.t, curve.force),
         )
 
     def with_place(
         self, contact: ContactSummary, history: ContactHistory, smoothed: SmoothedContact
     ) -> ContactSummary:
-        """The summary with link and place from all samples of the contact, at the time of the largest
-        force."""
+        """The summary with link and place from all samples of the contact, at the time of the largest force;
+        the forces of `history` are those at that place."""
         best, link = smoothed.best, smoothed.best.link
-        point, normal, covariance = smoothed.at(contact.peak_time)
-        body = min(link, len(contact.q))
-        origin, rotation = self.link_pose(contact.q, body)
+        forces = _force_fields(history)
+        q = forces["q"]
+        (point,), (normal,), (covariance,) = smoothed.at(np.array([forces["peak_time"]]))
+        origin, rotation = self.link_pose(q, min(link, len(q)))
         point_base = origin + rotation @ point
-        frame_origin, frame = self.link_pose(contact.q, link)
+        frame_origin, frame = self.link_pose(q, link)
         place = (point_base - frame_origin) @ frame
         return replace(
             contact,
+            **forces,
             link=self._scene.link_names[link],
             link_index=link,
             probability=float(smoothed.probability[0]),
@@ -171,6 +163,24 @@ class Summarizer:
             q=history.block.q[peak].copy(),
             curve=_thinned(history.t, force),
         )
+
+
+def _force_fields(history: ContactHistory) -> dict[str, Any]:
+    """Fields that describe the force over time."""
+    force, since = history.force, history.t[history.sample] - history.t[0]
+    peak, early, curve = int(np.argmax(force)), since <= TRANSIENT_TIME, _force_curve(history)
+    at_peak = int(history.sample[peak])
+    return {
+        "force_base": history.rows[peak, FORCE].copy(),
+        "peak_force": float(force[peak]),
+        "peak_time": float(history.t[at_peak]),
+        "transient_force": float(np.max(force[early], initial=0.0)),
+        "quasi_static_force": float(np.max(force[~early], initial=0.0)),
+        "impulse": float(np.trapezoid(curve.force, curve.t)),
+        "torsion": float(history.rows[peak, TORSION]),
+        "q": history.block.q[at_peak].copy(),
+        "curve": _thinned(curve.t, curve.force),
+    }
 
 
 def _force_curve(history: ContactHistory) -> ForceCurve:

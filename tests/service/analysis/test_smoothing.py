@@ -55,7 +55,7 @@ def test_places_lie_within_their_covariance(histories: list[ContactHistory]) -> 
         assert found is not None
         assert found.best.link == touch.link_index
         assert found.probability.sum() == pytest.approx(1.0)
-        point, normal, covariance = found.at(0.5 * (touch.start + touch.stop))
+        (point,), (normal,), (covariance,) = found.at(np.array([0.5 * (touch.start + touch.stop)]))
         error = point - touch.point_link
         assert np.linalg.norm(error) < 0.01
         assert np.linalg.norm(normal) == pytest.approx(1.0)
@@ -73,7 +73,7 @@ def test_looking_again_is_no_worse_than_the_last_live_answer(histories: list[Con
         at = int(history.row[history.sample[k]]) - touch.first
         live.append(np.linalg.norm(history.rows[k, POINT_BASE] - touch.point_base[at]))
         origin, rotation = frames.link_pose(history.block.q[history.sample[k]], found.best.link)
-        point, _, _ = found.at(float(history.t[history.sample[k]]))
+        (point,), _, _ = found.at(history.t[history.sample[k : k + 1]])
         smoothed.append(np.linalg.norm(origin + rotation @ point - touch.point_base[at]))
     assert np.median(smoothed) <= 1.1 * np.median(live)
 

@@ -1,15 +1,21 @@
 """Smoothing without a base sensor: one direction of the torques in a stretch, evidence over all stretches."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from contactsense import Localizer, SampleBlock, Scene
-from contactsense.kinematics.model import build_model
-from contactsense.runtime.result_rows import LINK
+from contactsense.kinematics.forward_kinematics import forward_kinematics
+from contactsense.kinematics.model import build_model, empty_motion
+from contactsense.runtime.result_rows import LINK, TORSION
 from contactsense.service.analysis.contact_history import ContactCollector, ContactHistory
+from contactsense.service.analysis.contact_windows import contact_windows
+from contactsense.service.analysis.place_search import Place
+from contactsense.service.analysis.smoothed_contact import SmoothedContact
 from contactsense.service.analysis.smoothing import ContactSmoother
+from contactsense.service.analysis.summarize import Summarizer
 from contactsense.service.analysis.torque_smoothing import TorqueSmoother, _magnitudes
 from contactsense.service.mock.script import Script
 from contactsense.service.mock.simulated_arm import Motion, Touch, simulate
@@ -117,3 +123,61 @@ def test_the_prior_over_links_is_that_of_the_scene() -> None:
     localizer = Localizer(Scene(robot=arm, base_wrench=None, link_prior="equal"))
     smoother = TorqueSmoother(localizer, build_model(arm))
     np.testing.assert_allclose(smoother._prior, 1.0 / 7.0, atol=1e-12)
+
+
+def test_the_forces_belong_to_the_stated_link_and_push_there(
+    contacts: Sequence[tuple[ContactHistory, Touch]],
+) -> None:
+    smoother, summarizer, forces_live, forces, true = ContactSmoother(SCENE), Summarizer(SCENE), [], [], []
+    for history, touch in contacts:
+        found = smoother.smooth(history)
+        if found is None:
+            continue
+        at_place = smoother.with_forces(history, found)
+        contact = summarizer.with_place(summarizer.summarize(history, "demo"), at_place, found)
+        assert contact.force_base @ contact.normal_base < 0.0
+        assert contact.peak_force == pytest.approx(np.linalg.norm(contact.force_base))
+        assert set(at_place.rows[:, LINK]) == {contact.link_index}
+        forces_live.append(history.force.max())
+        forces.append(contact.peak_force)
+        true.append(np.linalg.norm(touch.force_base, axis=1).max())
+    assert len(true) >= 4
+    off_live, off = (np.abs(np.log(np.array(values) / true)).mean() for values in (forces_live, forces))
+    assert off < off_live
+
+
+def test_the_torques_of_six_joints_give_the_force_itself(
+    contacts: Sequence[tuple[ContactHistory, Touch]],
+) -> None:
+    """A contact on the last link at a known place: link, force and torsion are exact."""
+    arm, rng = plain_ur5e(), np.random.default_rng(8)
+    smoother = ContactSmoother(Scene(robot=arm, base_wrench=None))
+    model, motion = build_model(arm), empty_motion(6)
+    history, _ = contacts[0]
+    K = len(history.sample)
+    point, normal = np.array([0.02, 0.03, -0.01]), np.array([0.6, 0.0, 0.8])
+    push, torque = rng.uniform(5.0, 50.0, K), history.joint_torque.copy()
+    for k, row in enumerate(history.sample):
+        forward_kinematics(model, history.block.q[row], motion)
+        c, n = motion.origin[6] + motion.rotation[6] @ point, motion.rotation[6] @ normal
+        wrench = push[k] * np.concatenate((-n, np.cross(c, -n) + 1e-3 * n))
+        torque[row] = motion.screw @ wrench
+    windows = contact_windows(history, SCENE.bandwidth)
+    assert windows is not None
+    W = len(windows.t)
+    place = Place(
+        6, 0.0, np.tile(point, (W, 1)), np.tile(normal, (W, 1)), np.zeros((W, 3)), np.zeros((W, 3, 3)),
+        point[None], 0.0, 0.0,
+    )  # fmt: skip
+    exact = replace(history, joint_torque=torque, joint_torque_std=np.full_like(torque, 1e-4))
+    found = smoother.with_forces(exact, SmoothedContact(windows, (place,), np.ones(1), np.eye(7)[6]))
+    np.testing.assert_allclose(found.force, push, rtol=1e-3)
+    np.testing.assert_allclose(found.rows[:, TORSION], 1e-3 * push, rtol=1e-2)
+    assert set(found.rows[:, LINK]) == {6.0}
+
+
+def test_a_base_sensor_measures_the_force(contacts: Sequence[tuple[ContactHistory, Touch]]) -> None:
+    history, _ = contacts[0]
+    found = ContactSmoother(SCENE).smooth(history)
+    assert found is not None
+    assert ContactSmoother(Scene(robot="ur5e")).with_forces(history, found) is history
