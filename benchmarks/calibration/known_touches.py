@@ -20,6 +20,7 @@ from rich.table import Table
 from contactsense import Localizer, SampleBlock
 from contactsense.benchmarks import options
 from contactsense.benchmarks.accuracy.reliability import reliability
+from contactsense.benchmarks.calibration.force_threshold import force_threshold
 from contactsense.benchmarks.calibration.recordings import (
     FREE,
     JOINTWISE,
@@ -32,15 +33,16 @@ from contactsense.calibration import FreeMotion
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import Motion, build_model, empty_motion
 from contactsense.runtime.result_rows import PROBABILITY
-from contactsense.scene import LinkPrior
+from contactsense.scene import LinkPrior, Scene
 
 Draw = Literal["area", "link"]
 FORCES = (20.0, 150.0)
 """Range of normal forces, log-uniform [N]."""
 FRICTION = 0.5
-SECONDS, RISE, PAUSES, JUDGED = 0.5, 0.05, (0.8, 1.6), 0.3
-"""Duration of a touch, time in which it rises and falls, range of the pauses, time after its start at which
-the answer is taken [s]."""
+RISE, PAUSES = 0.05, (0.8, 1.6)
+"""Time in which a touch rises and falls, range of the pauses [s]."""
+JUDGED = 0.6
+"""Share of a touch's duration after which the answer is taken."""
 NOT_FELT = 2
 """Links before this one move one joint or none: their touches are not drawn."""
 EXPONENTS = (0.5, 0.7, 1.0, 1.4, 2.0)
@@ -49,6 +51,7 @@ that the evidence counts errors as independent that are not."""
 FORCE_RANGES = 4
 """Ranges of forces, equal in the logarithm, for which the share of felt touches is told."""
 _SPACING = 0.01
+_POSITIVE = click.FloatRange(min=0.0, min_open=True)
 _LEAST = 1e-6
 """Smaller probabilities are scored as this."""
 
@@ -74,6 +77,7 @@ def touch(
     draw: Draw,
     seed: int,
     least: float = FORCES[0],
+    seconds: float = 0.5,
 ) -> list[Touch]:
     """Add touches to one recording, process it as a live stream, and judge each touch.
 
@@ -84,6 +88,7 @@ def touch(
         draw: Whether places are uniform by area or links equally frequent.
         seed: Of times, places and forces.
         least: Smallest normal force [N].
+        seconds: Duration of each touch [s].
     """
     assert recording.torque is not None
     rng = np.random.default_rng(seed)
@@ -91,19 +96,19 @@ def touch(
     t, torque = recording.t - recording.t[0], recording.torque.copy()
     made: dict[int, tuple[int, float]] = {}
     start = rng.uniform(*PAUSES)
-    while start + SECONDS < t[-1]:
-        rows = np.flatnonzero((t >= start) & (t < start + SECONDS))
+    while start + seconds < t[-1]:
+        rows = np.flatnonzero((t >= start) & (t < start + seconds))
         forward_kinematics(model, recording.q[rows[0]], motion)
         patch, link = _place(samples, recording.q[rows[0]], draw, rng)
         normal = motion.rotation[link] @ samples.normal[patch]
         push = float(np.exp(rng.uniform(*np.log((least, FORCES[1])))))
         force = push * (_across(normal, rng) - normal)
         for row in rows:
-            level = min(1.0, (t[row] - start) / RISE, (start + SECONDS - t[row]) / RISE)
+            level = min(1.0, (t[row] - start) / RISE, (start + seconds - t[row]) / RISE)
             forward_kinematics(model, recording.q[row], motion)
             torque[row] -= _joint_torques(motion, samples.point[patch], link, level * force)
-        made[int(np.searchsorted(t, start + JUDGED))] = link, push
-        start += SECONDS + rng.uniform(*PAUSES)
+        made[int(np.searchsorted(t, start + JUDGED * seconds))] = link, push
+        start += seconds + rng.uniform(*PAUSES)
     answers: dict[int, tuple[tuple[float, ...], bool]] = {}
     first = 0
     for part in localizer.run_blocks([SampleBlock(recording.t, recording.q, recording.qd, torque)]):
@@ -150,6 +155,12 @@ def _joint_torques(motion: Motion, point: np.ndarray, link: int, force: np.ndarr
     torques = np.zeros(len(motion.screw))
     torques[:link] = motion.screw[:link] @ np.concatenate((force, np.cross(place, force)))
     return torques
+
+
+def false_alarms(localizer: Localizer, recording: FreeMotion) -> int:
+    """Number of contacts that a stream of this recording reports without any touch."""
+    block = SampleBlock(recording.t, recording.q, recording.qd, recording.torque)
+    return max(int(part.number.max()) for part in localizer.run_blocks([block]))
 
 
 def summarize(touches: list[Touch]) -> dict[str, Any]:
@@ -208,34 +219,67 @@ def felt_shares(touches: list[Touch], edges: np.ndarray) -> dict[int, list[tuple
 )
 @options.link_prior
 @click.option("--moving", is_flag=True, help="Only recordings in which the whole arm moves.")
-@click.option("--least", default=FORCES[0], show_default=True, help="Smallest force [N].")
-@click.option("--seeds", default=4, show_default=True, help="Passes over the recordings.")
+@click.option(
+    "--least",
+    type=click.FloatRange(0.0, FORCES[1], min_open=True, max_open=True),
+    default=FORCES[0],
+    show_default=True,
+    help="Smallest force [N].",
+)
+@click.option("--seconds", type=_POSITIVE, default=0.5, show_default=True, help="Duration of each touch [s].")
+@click.option(
+    "--bandwidth",
+    type=_POSITIVE,
+    default=Scene.model_fields["bandwidth"].default,
+    show_default=True,
+    help="Cut-off frequency of the observer [Hz]; the arm is calibrated with it.",
+)
+@click.option(
+    "--seeds", type=click.IntRange(min=1), default=4, show_default=True, help="Passes over the recordings."
+)
 @options.as_json
 def touches(
-    folder: Path, draw: Draw, link_prior: LinkPrior, moving: bool, least: float, seeds: int, as_json: bool
+    folder: Path,
+    draw: Draw,
+    link_prior: LinkPrior,
+    moving: bool,
+    least: float,
+    seconds: float,
+    bandwidth: float,
+    seeds: int,
+    as_json: bool,
 ) -> None:
     """Add known touches to the recordings of free motion in FOLDER that calibration has not seen, and test
-    the stated probability of the touched link."""
+    the stated probability of the touched link. Each touch is judged after 60 % of its duration."""
     try:
-        scene = calibrated_scene(folder).model_copy(update={"link_prior": link_prior})
+        scene = calibrated_scene(folder, bandwidth).model_copy(update={"link_prior": link_prior})
         names = MOVING_FILES if moving else JOINTWISE + FREE
         recordings = [read(folder / f"{name}.csv.gz", scene)[0] for name in names]
     except FileNotFoundError as error:
         raise click.ClickException(f"{error.filename}: no such recording") from None
     localizer, samples = Localizer(scene), of_primitives(scene, _SPACING)
+    alarms = sum(false_alarms(localizer, recording) for recording in recordings)
     found: list[Touch] = []
     runs = [(recording, seed) for seed in range(seeds) for recording in recordings]
     for k, (recording, _) in enumerate(
         track(runs, "touching", console=Console(stderr=True), transient=True, disable=as_json)
     ):
-        found += touch(localizer, recording, samples, draw, k, least)
+        found += touch(localizer, recording, samples, draw, k, least, seconds)
     if not any(item.probability for item in found):
         raise click.ClickException(f"--seeds {seeds}: expected touches that are felt, got none")
     edges = np.geomspace(least, FORCES[1], FORCE_RANGES + 1)
     felt = felt_shares(found, edges)
     summary = summarize(found) | {
+        "free_seconds": float(sum(recording.t[-1] - recording.t[0] for recording in recordings)),
+        "false_alarms": alarms,
         "force_edges": edges.tolist(),
         "felt": {scene.robot.links[link].name: shares for link, shares in felt.items()},
+        "force_thresholds": {
+            scene.robot.links[link].name: force_threshold(
+                sum(n for _, n in shares), sum(n for n, _ in shares), least, FORCES[1]
+            )
+            for link, shares in felt.items()
+        },
     }
     if as_json:
         click.echo(json.dumps(summary, indent=1))
@@ -253,7 +297,8 @@ def _print(summary: dict[str, Any]) -> None:
         f"{100 * trust['by_chance']:.1f} % by chance, in 95 % of cases less than "
         f"{100 * trust['by_chance_95']:.1f} %\n"
         f"answers above 0.9: {sure['answers']}, right: {sure['right']}; "
-        f"clear: {summary['clear']}, wrong: {summary['clear_wrong']}"
+        f"clear: {summary['clear']}, wrong: {summary['clear_wrong']}\n"
+        f"without touches: {summary['false_alarms']} false alarms in {summary['free_seconds']:.0f} s"
     )
     table = Table("probability", "answers", "stated", "right", title="Probability of the most probable link")
     for entry in trust["bins"]:
@@ -267,7 +312,10 @@ def _print(summary: dict[str, Any]) -> None:
     scores = ", ".join(f"{exponent:g}: {score:.3f}" for exponent, score in summary["log_score"].items())
     console.print(f"mean log probability of the touched link, probabilities to the power of {scores}")
     edges = summary["force_edges"]
-    table = Table("touched link", *(f"{a:.0f} to {b:.0f} N" for a, b in pairwise(edges)), title="Felt")
+    ranges = (f"{a:.0f} to {b:.0f} N" for a, b in pairwise(edges))
+    table = Table("touched link", *ranges, "smallest felt force, 95 % interval [N]", title="Felt")
     for link, shares in summary["felt"].items():
-        table.add_row(link, *(f"{felt} of {all_}" for all_, felt in shares))
+        mean, low, high = summary["force_thresholds"][link]
+        counts = (f"{felt} of {all_}" for all_, felt in shares)
+        table.add_row(link, *counts, f"{mean:.0f} ({low:.0f} to {high:.0f})")
     console.print(table)

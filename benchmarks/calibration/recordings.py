@@ -75,15 +75,22 @@ def _uncalibrated() -> Scene:
     return Scene(robot="ur10e", base_wrench=None, joint_torque=JointTorqueSensor(signal="actual_current"))
 
 
-def _calibrated(folder: Path) -> Calibration:
+def _calibrated(folder: Path, bandwidth: float | None = None) -> Calibration:
     scene = _uncalibrated()
+    if bandwidth is not None:
+        scene = scene.model_copy(update={"bandwidth": bandwidth})
     files = [read(folder / f"{name}.csv.gz", scene)[0] for name in IDENTIFICATION]
     return calibrate(scene, files, Settings(_GROUPS))
 
 
-def calibrated_scene(folder: Path) -> Scene:
-    """The arm with joint torques, calibrated on the identification files."""
-    return _calibrated(folder).scene
+def calibrated_scene(folder: Path, bandwidth: float | None = None) -> Scene:
+    """The arm with joint torques, calibrated on the identification files.
+
+    Args:
+        folder: Of the recordings.
+        bandwidth: Cut-off frequency of the observer [Hz]; None: the scene's default.
+    """
+    return _calibrated(folder, bandwidth).scene
 
 
 def measure(folder: Path) -> dict[str, Any]:
