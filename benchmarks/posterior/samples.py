@@ -6,10 +6,11 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense import Scene
+from contactsense.localization.surface_samples import is_on_mounting_face
 from contactsense.robots import Robot
 from contactsense.robots.decomposition.mesh_sources import read_arm
 from contactsense.robots.decomposition.outer_skin import outer_skin
-from contactsense.robots.decomposition.surface_error import surface_points
+from contactsense.robots.decomposition.surface_error import on_union, surface_points
 from contactsense.robots.link_poses import joint_pose
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.surface.union import distances
@@ -90,10 +91,7 @@ def _union_points(
         points.append(local @ surfaces.rotation[p].T + surfaces.origin[p])
     if not points:
         return np.zeros((0, 3)), np.zeros((0, 3)), per_point
-    all_points = np.concatenate(points)
-    distance, _, normal = distances(surfaces, all_points, link)
-    outside = distance > -1e-6
-    return all_points[outside], normal[outside], per_point
+    return *on_union(surfaces, np.concatenate(points), link), per_point
 
 
 def _assemble(
@@ -102,6 +100,9 @@ def _assemble(
     parts: list[tuple[np.ndarray, np.ndarray, float]],
     spacing: float,
 ) -> Samples:
+    (points, normals, area), *others = parts
+    free = ~is_on_mounting_face(points, normals)
+    parts = [(points[free], normals[free], area), *others]
     patches = [_patches(points, normals, area, spacing) for points, normals, area in parts]
     covered = [_is_covered(robot, surfaces, link, patch[0], patch[1]) for link, patch in enumerate(patches)]
     return Samples(

@@ -180,11 +180,21 @@ def surface_patches(surfaces: Surfaces, link: int) -> Patches:
     point = grid - distance[:, None] * normal
     exposed = distances(surfaces, point, link)[0] > -spacing / 4
     if link == 0:
-        exposed &= (point[:, 2] > MOUNTING_HEIGHT) | (normal[:, 2] > -0.5)
+        exposed &= ~is_on_mounting_face(point, normal)
         # What stands at the base covers the same part of it in all postures.
         exposed &= cover_distances(surfaces, point) > -spacing / 4
     patches = Patches(point, normal, primitive.astype(np.int64), np.zeros(len(point)), weight)
     return Patches(*(values[exposed] for values in patches))
+
+
+def is_on_mounting_face(point: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """Whether points of the base link lie on the face that it stands on, which nothing can touch.
+
+    Args:
+        point: Base frame, shape (N, 3) [m].
+        normal: Outward unit normals, shape (N, 3).
+    """
+    return (point[:, 2] <= MOUNTING_HEIGHT) & (normal[:, 2] <= -0.5)
 
 
 def _blocks_near_surface(

@@ -102,11 +102,17 @@ def exposed_surface(bodies: Bodies, count: int, rng: np.random.Generator) -> np.
     points = np.concatenate(
         [part[: max(1, int(2 * count * area / total))] for part, area in zip(parts, areas, strict=True)]
     )
-    surfaces = packed(bodies)
-    distance, _, normal = distances(surfaces, points)
+    return on_union(packed(bodies), points)[0]
+
+
+def on_union(surfaces: Surfaces, points: np.ndarray, link: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """Those of the points on a link's primitives that are on the surface of their union, and the outward
+    normals there, shapes (N, 3)."""
+    distance, _, normal = distances(surfaces, points, link)
     points, normal = points[distance > -1e-6], normal[distance > -1e-6]
     # The walls of a slit between two bodies are also surface, but cannot be reached.
-    return np.asarray(points[distances(surfaces, points + ROOM * normal)[0] > ROOM / 3.0])
+    free = distances(surfaces, points + ROOM * normal, link)[0] > ROOM / 3.0
+    return points[free], normal[free]
 
 
 def surface_points(
@@ -132,6 +138,11 @@ def surface_points(
         )
         angle = rng.uniform(0.0, 2.0 * np.pi, lead)
         radius, height = a + t * (b - a), z[at] + t * (z[at + 1] - z[at])
+        # On the rims, from the chord to the arc.
+        for first, turn, core, end in ((1, low, R0, -h), (len(low) + 1, high, R1, h)):
+            rim = (at >= first) & (at < first + len(turn) - 1)
+            phi = turn[0] + (at[rim] - first + t[rim]) * (turn[1] - turn[0])
+            radius[rim], height[rim] = core + r * np.cos(phi), end + r * np.sin(phi)
         return np.stack((radius * np.cos(angle), radius * np.sin(angle), height), axis=1), float(rings.sum())
     directions = rng.normal(size=(lead, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)

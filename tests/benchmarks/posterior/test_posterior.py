@@ -22,6 +22,8 @@ from contactsense.benchmarks.posterior.patch_posterior import (
 )
 from contactsense.benchmarks.posterior.samples import Samples, of_primitives
 from contactsense.benchmarks.posterior.table import Skins, rows, table
+from contactsense.localization.surface_samples import surface_patches
+from contactsense.runtime.constants import build_constants
 from tests.shared import shared
 
 
@@ -170,6 +172,19 @@ def test_finer_samples_have_the_same_area(coarse: Samples) -> None:
     own = slice(coarse.start[3], coarse.start[4])
     assert finer.start[-1] == finer.start[4]
     assert finer.area.sum() == pytest.approx(coarse.area[own].sum(), rel=0.02)
+
+
+@pytest.mark.parametrize("robot", ["ur5e", "ur10e"])
+def test_each_link_has_the_area_that_the_localizer_sees(robot: str) -> None:
+    """Edges, rims and caps included. Base and last wrist have slits, half of which the localizer counts."""
+    scene = Scene(robot=robot)
+    samples, surfaces = of_primitives(scene, spacing=0.01), build_constants(scene).surfaces
+    for link in range(1, 6):
+        own = samples.area[samples.start[link] : samples.start[link + 1]].sum()
+        assert own == pytest.approx(surface_patches(surfaces, link).area.sum(), rel=0.03)
+    # Nothing touches the face that the base stands on.
+    base = slice(0, samples.start[1])
+    assert not np.any((samples.point[base, 2] < 0.001) & (samples.normal[base, 2] < -0.9))
 
 
 @pytest.mark.parametrize(("sensors", "share"), [("all", 0.95), ("base", 0.8), ("torques", 0.5)])
