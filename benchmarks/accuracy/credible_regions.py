@@ -7,12 +7,10 @@ the tangent plane: by the error of the primitives, or by curvature for a wide di
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from scipy.stats import norm, qmc
-
-from contactsense import Contact
 
 MAX_NORMAL_DISTANCE = 0.01
 """A point this close to a tangent plane is on the same side of the link [m]; so is one closer to the plane
@@ -24,6 +22,21 @@ _MIN_STD = 1e-5
 """Smallest standard deviation, so that every density is finite [m]."""
 _POINTS = 256
 _NORMAL = norm.ppf(qmc.Sobol(2, scramble=True, rng=np.random.default_rng(0)).random(_POINTS))
+
+
+class Candidate(Protocol):
+    """What the mixture takes from a `contactsense.Contact`."""
+
+    @property
+    def link_index(self) -> int: ...
+    @property
+    def probability(self) -> float: ...
+    @property
+    def point_base(self) -> np.ndarray: ...
+    @property
+    def normal_base(self) -> np.ndarray: ...
+    @property
+    def covariance(self) -> np.ndarray: ...
 
 
 class Mixture(NamedTuple):
@@ -43,7 +56,7 @@ class Mixture(NamedTuple):
     """Columns: main tangent directions times their standard deviations, shape (K, 3, 2) [m]."""
 
 
-def mixture(contacts: Sequence[Contact]) -> Mixture:
+def mixture(contacts: Sequence[Candidate]) -> Mixture:
     """The explanations of one estimate."""
     normal = np.array([c.normal_base for c in contacts]).reshape(-1, 3)
     covariance = np.array([c.covariance for c in contacts]).reshape(-1, 3, 3)

@@ -26,16 +26,16 @@ class SmoothedContact:
         """The most probable explanation."""
         return self.places[0]
 
-    def at(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Places [m], outward normals and covariances [m^2] of the best explanation at K times [s], link
-        frame, shapes (K, 3), (K, 3) and (K, 3, 3)."""
-        best, times = self.best, self.windows.t
+    def at(self, t: np.ndarray, number: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Places [m], outward normals and covariances [m^2] of one of the explanations, the best one by
+        default, at K times [s], link frame, shapes (K, 3), (K, 3) and (K, 3, 3)."""
+        chosen, times = self.places[number], self.windows.t
         point, normal = (
             np.column_stack([np.interp(t, times, column) for column in values.T])
-            for values in (best.point, best.normal)
+            for values in (chosen.point, chosen.normal)
         )
         nearest = np.argmin(np.abs(times - t[:, None]), axis=1)
-        return point, normal / np.linalg.norm(normal, axis=1, keepdims=True), best.covariance[nearest]
+        return point, normal / np.linalg.norm(normal, axis=1, keepdims=True), chosen.covariance[nearest]
 
 
 def ranked(windows: ContactWindows, places: list[Place], links: int) -> SmoothedContact | None:

@@ -4,15 +4,21 @@ A window's torques measure fewer numbers than force and place have, so forces th
 would explain any place. Instead the contact is split into stretches in which the arm hardly turns and the
 torques keep their direction, s_w tau. The magnitudes s_w are those of the best approximation of rank one
 (singular value decomposition); with them the windows of a stretch are a single reading of tau with the noise
-of all of its samples, which the localizer explains. Stretches are independent, so the evidence of a link is
-the product of theirs, with the prior once. Places of all stretches are combined where they agree.
+of all of its samples, which the localizer explains.
+
+The noise of stretches is independent, but the same place, surface and direction of the push are behind all of
+them: as evidence for a link, S stretches count as sqrt(S) independent ones, with the prior once. Places are
+those of the stretch that is measured best, each with its share of the link's probability; in the other
+stretches the place is the candidate nearest to it. The means over stretches were neither nearer to the truth
+nor as certain as stated.
 
 That each stretch is explained by some contact does not mean that one contact explains all: if another link is
 touched later, most of all where two contacts overlap, the product names the link of the longer part, with a
 high probability. So one link competes with a change of links (`link_changes`).
 """
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,7 +26,6 @@ from contactsense import Contact, Localizer
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import Model, empty_motion
 from contactsense.residuals.momentum_observer import noise_variance_ratio
-from contactsense.robots.surface.union import distances
 from contactsense.service.analysis.contact_history import ContactHistory
 from contactsense.service.analysis.contact_windows import ContactWindows
 from contactsense.service.analysis.link_changes import log_odds_of_one_link
@@ -41,16 +46,33 @@ DOUBT = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
+class _Candidate:
+    """A candidate of one stretch, in the frame of its link."""
+
+    probability: float
+    point: np.ndarray
+    normal: np.ndarray
+    force: np.ndarray
+    covariance: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
 class _Stretch:
     """Windows of a contact as a single reading."""
 
     windows: slice
+    signal: float
+    """Squared ratio of the torques to their noise."""
     ratio: np.ndarray
     """Probability of each link, divided by its prior; 1 where the prior is zero, shape (links,)."""
     contacts: tuple[Contact, ...]
     """Candidates."""
     q: np.ndarray
     """Joint positions [rad], shape (n,)."""
+
+    def on(self, link: int) -> list[Contact]:
+        """The candidates on a link."""
+        return [contact for contact in self.contacts if contact.link_index == link]
 
 
 class TorqueSmoother:
@@ -69,6 +91,7 @@ class TorqueSmoother:
 
     def smooth(self, history: ContactHistory, windows: ContactWindows) -> SmoothedContact | None:
         """Smooth a contact; None if one contact does not explain it."""
+        windows = self._with_onset(history, windows)
         stretches = self._stretches(history, windows)
         if stretches is None:
             return None
@@ -76,17 +99,35 @@ class TorqueSmoother:
         if log_odds_of_one_link(self._prior, ratio) < 0.0:
             return None
         with np.errstate(divide="ignore"):
-            evidence = np.log(self._prior) + np.log(ratio).sum(axis=0)
+            evidence = np.log(self._prior) + np.log(ratio).sum(axis=0) / np.sqrt(len(stretches))
         places = [
-            self._place(link, float(evidence[link]), stretches, windows) for link in range(len(evidence))
+            place
+            for link in range(len(evidence))
+            for place in self._places(link, float(evidence[link]), stretches, windows)
         ]
-        return ranked(windows, [place for place in places if place is not None], len(evidence))
+        return ranked(windows, places, len(evidence))
+
+    def _with_onset(self, history: ContactHistory, windows: ContactWindows) -> ContactWindows:
+        """The windows, preceded by the residual at which the contact was detected: that is the low-passed
+        torque before, with the noise of the low-pass. Of a short impact it is most that is known."""
+        gain = self._noise_ratio(history)
+        return replace(
+            windows,
+            t=np.concatenate((history.t[:1], windows.t)),
+            samples=np.concatenate(([1.0 / gain], windows.samples)),
+            q=np.concatenate((history.block.q[:1], windows.q)),
+            joint_torque=np.concatenate((history.joint_torque[:1], windows.joint_torque)),
+        )
+
+    def _noise_ratio(self, history: ContactHistory) -> float:
+        """Variance of a low-passed sample's noise over that of one sample."""
+        return noise_variance_ratio(self._localizer.scene.bandwidth, float(np.median(np.diff(history.t))))
 
     def _stretches(self, history: ContactHistory, windows: ContactWindows) -> list[_Stretch] | None:
         """The stretches of a contact; None if one contact does not explain one of them."""
         variance = self._constants.sensors.torque_variance
-        gain = noise_variance_ratio(self._localizer.scene.bandwidth, float(np.median(np.diff(history.t))))
-        offset = np.maximum(np.mean(history.joint_torque_std**2, axis=0) - gain * variance, 0.0)
+        model_error = np.mean(history.joint_torque_std**2, axis=0) - self._noise_ratio(history) * variance
+        offset = np.maximum(model_error, 0.0)
         found: list[_Stretch] = []
         noise = variance.copy()
         waiting = [slice(0, len(windows.t))]
@@ -112,7 +153,8 @@ class TorqueSmoother:
                     return None
             finally:
                 variance[:] = noise
-            found.append(_Stretch(here, self._ratio(estimate.link_probability), estimate.contacts, q))
+            signal, ratio = total * float(np.sum(reading**2 / noise)), self._ratio(estimate.link_probability)
+            found.append(_Stretch(here, signal, ratio, estimate.contacts, q))
         return found
 
     def _ratio(self, probability: np.ndarray) -> np.ndarray:
@@ -132,50 +174,68 @@ class TorqueSmoother:
         expected = len(reading) + MISFIT * np.sqrt(2.0 * len(reading))
         return bool(square <= expected + MODEL_ERROR**2 * size)
 
-    def _place(
+    def _places(
         self, link: int, evidence: float, stretches: list[_Stretch], windows: ContactWindows
-    ) -> Place | None:
-        """The place on a link: one for the whole contact if those of its stretches agree, otherwise that of
-        each stretch; None if no stretch has a candidate there."""
-        body = int(self._constants.sensors.depth[link])
-        where, points, covariances, forces, normals = [], [], [], [], []
-        for stretch in stretches:
-            contact = next((c for c in stretch.contacts if c.link_index == link), None)
-            if contact is None:
-                continue
-            forward_kinematics(self._model, stretch.q, self._motion)
-            R, origin = self._motion.rotation[body], self._motion.origin[body]
-            where.append(stretch.windows)
-            points.append((contact.point_base - origin) @ R)
-            normals.append(contact.normal_base @ R)
-            forces.append(contact.force_base @ R)
-            covariances.append(R.T @ contact.covariance @ R)
-        if not points:
-            return None
-        information = np.linalg.inv(np.array(covariances) + NEGLIGIBLE * np.eye(3))
-        # The same priors enter all stretches, so their errors are correlated, it is not known how much. The
-        # mean of the information holds for any correlation (Julier and Uhlmann, American Control Conference
-        # 1997: covariance intersection).
-        covariance = np.linalg.inv(information.mean(axis=0))
-        mean = covariance @ np.einsum("sij,sj->i", information, points) / len(points)
-        away = np.array(points) - mean
-        square = float(np.einsum("si,sij,sj->", away, information, away))
-        freedom = 3.0 * (len(points) - 1)
-        fixed = square <= freedom + MISFIT * np.sqrt(2.0 * freedom)
-        count = len(windows.t)
+    ) -> list[Place]:
+        """The places on a link, each followed through all stretches; none if no stretch has a candidate
+        there."""
+        there = [stretch for stretch in stretches if stretch.on(link)]
+        if not there:
+            return []
+        first = max(range(len(there)), key=lambda k: there[k].signal)
+        candidates = [[self._in_link_frame(c, stretch.q) for c in stretch.on(link)] for stretch in there]
         # Windows without a candidate on this link have that of the stretch nearest in time.
-        middle = np.array([0.5 * (part.start + part.stop - 1) for part in where])
-        nearest = np.argmin(np.abs(np.arange(count)[:, None] - middle), axis=1)
-        point, normal = np.array(points)[nearest], np.array(normals)[nearest]
-        covariance_of = np.array(covariances)[nearest]
-        if fixed:
-            distance, _, outward = distances(self._constants.surfaces, mean[None], link)
-            point[:], normal[:] = mean - distance[0] * outward[0], outward[0]
-            covariance_of[:] = covariance
-        return Place(
-            link, evidence, point, normal, np.array(forces)[nearest], covariance_of,
-            point[:1] if fixed else np.array(points), 0.5 * square, freedom,
-        )  # fmt: skip
+        begin, end = np.array([(part.windows.start, part.windows.stop - 1) for part in there]).T
+        window = np.arange(len(windows.t))[:, None]
+        nearest = np.argmin(np.maximum(begin - window, window - end), axis=1)
+        total, found = sum(candidate.probability for candidate in candidates[first]), []
+        for candidate in candidates[first]:
+            path = [candidate]
+            for others in candidates[first + 1 :]:
+                path.append(_nearest(others, path[-1]))
+            for others in candidates[first - 1 :: -1] if first else []:
+                path.insert(0, _nearest(others, path[0]))
+            share = math.log(candidate.probability / total)
+            found.append(_followed(link, evidence + share, path, nearest))
+        return found
+
+    def _in_link_frame(self, contact: Contact, q: np.ndarray) -> "_Candidate":
+        forward_kinematics(self._model, q, self._motion)
+        body = int(self._constants.sensors.depth[contact.link_index])
+        R, origin = self._motion.rotation[body], self._motion.origin[body]
+        return _Candidate(
+            contact.probability,
+            (contact.point_base - origin) @ R,
+            contact.normal_base @ R,
+            contact.force_base @ R,
+            R.T @ contact.covariance @ R,
+        )
+
+
+def _nearest(candidates: list[_Candidate], to: _Candidate) -> _Candidate:
+    return min(candidates, key=lambda candidate: float(np.linalg.norm(candidate.point - to.point)))
+
+
+def _followed(link: int, evidence: float, path: list[_Candidate], nearest: np.ndarray) -> Place:
+    """A place through all windows; `nearest`: the stretch of each. It moves if its stretches disagree by more
+    than their covariances."""
+    points = np.array([candidate.point for candidate in path])
+    information = np.linalg.inv(
+        np.array([candidate.covariance for candidate in path]) + NEGLIGIBLE * np.eye(3)
+    )
+    mean = np.linalg.solve(information.sum(axis=0), np.einsum("sij,sj->i", information, points))
+    away = points - mean
+    square = float(np.einsum("si,sij,sj->", away, information, away))
+    freedom = 3.0 * (len(path) - 1)
+    fixed = square <= freedom + MISFIT * math.sqrt(2.0 * freedom)
+    point, normal, force, covariance = (
+        np.array([getattr(candidate, name) for candidate in path])[nearest]
+        for name in ("point", "normal", "force", "covariance")
+    )
+    return Place(
+        link, evidence, point, normal, force, covariance, points[:1] if fixed else points, 0.5 * square,
+        freedom,
+    )  # fmt: skip
 
 
 def _magnitudes(torque: np.ndarray, samples: np.ndarray) -> tuple[np.ndarray, bool]:

@@ -54,3 +54,4 @@ def test_from_torques_alone_the_whole_contact_names_the_link_more_often() -> Non
     assert every["kept_live"] < 0.5 * every["answers"]
     assert every["link_right"]["whole"] > every["link_right"]["live"] + 0.05
     assert every["end"]["whole"]["median"] < every["end"]["live"]["median"]
+    assert every["covered_90"] >= 0.8

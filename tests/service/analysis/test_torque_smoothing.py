@@ -16,7 +16,7 @@ from contactsense.service.analysis.place_search import Place
 from contactsense.service.analysis.smoothed_contact import SmoothedContact
 from contactsense.service.analysis.smoothing import ContactSmoother
 from contactsense.service.analysis.summarize import Summarizer
-from contactsense.service.analysis.torque_smoothing import TorqueSmoother, _magnitudes
+from contactsense.service.analysis.torque_smoothing import TorqueSmoother, _Candidate, _followed, _magnitudes
 from contactsense.service.mock.script import Script
 from contactsense.service.mock.simulated_arm import Motion, Touch, simulate
 from tests.plain_arm import plain_ur5e
@@ -33,6 +33,19 @@ def _histories(motion: Motion, localizer: Localizer) -> list[ContactHistory]:
         found += collector.add(np.arange(at, at + len(part)), block[at : at + len(part)], part)
         at += len(part)
     return found
+
+
+def _first(history: ContactHistory, count: int) -> ContactHistory:
+    """The first samples of a contact."""
+    explained = history.sample < count
+    return replace(
+        history,
+        row=history.row[:count], block=history.block[:count], phase=history.phase[:count],
+        energy=history.energy[:count], base_wrench=history.base_wrench[:count],
+        base_wrench_std=history.base_wrench_std[:count], joint_torque=history.joint_torque[:count],
+        joint_torque_std=history.joint_torque_std[:count], sample=history.sample[explained],
+        rows=history.rows[explained], link_probability=history.link_probability[explained],
+    )  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -181,3 +194,81 @@ def test_a_base_sensor_measures_the_force(contacts: Sequence[tuple[ContactHistor
     found = ContactSmoother(SCENE).smooth(history)
     assert found is not None
     assert ContactSmoother(Scene(robot="ur5e")).with_forces(history, found) is history
+
+
+def test_a_links_places_share_its_probability(contacts: Sequence[tuple[ContactHistory, Touch]]) -> None:
+    smoother, several = ContactSmoother(SCENE), 0
+    for history, _ in contacts:
+        found = smoother.smooth(history)
+        if found is None:
+            continue
+        links = np.array([place.link for place in found.places])
+        shares = np.bincount(links, found.probability, minlength=len(found.link_probability))
+        np.testing.assert_allclose(shares, found.link_probability, atol=1e-12)
+        assert found.probability[0] == found.probability.max()
+        several += len(links) > len(set(links))
+    assert several > 0
+
+
+def test_four_stretches_count_as_two_independent_ones(
+    contacts: Sequence[tuple[ContactHistory, Touch]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One place and one push are behind all of them, and the surface's error is the same."""
+    smoother, chosen = ContactSmoother(SCENE)._torques, None
+    for history, _ in contacts:
+        windows = contact_windows(history, SCENE.bandwidth)
+        assert windows is not None
+        for one in smoother._stretches(history, windows) or []:
+            best = int(np.argmax(smoother._prior * one.ratio))
+            if len(one.on(best)) > 1:
+                chosen = history, windows, one, best
+    assert chosen is not None
+    history, windows, one, best = chosen
+    four = [replace(one, windows=slice(k, k + 1)) for k in range(4)]
+    monkeypatch.setattr(smoother, "_stretches", lambda *_: four)
+    found = smoother.smooth(history, windows)
+    assert found is not None
+    assert found.best.link == best
+    there = np.unique([contact.link_index for contact in one.contacts])
+    weight = (smoother._prior * one.ratio**2)[there]
+    np.testing.assert_allclose(found.link_probability[there], weight / weight.sum(), rtol=1e-9)
+    # Each place has the share of its candidate.
+    on_link = [contact.probability for contact in one.on(best)]
+    assert found.probability[0] == pytest.approx(
+        found.link_probability[best] * max(on_link) / sum(on_link), rel=1e-9
+    )
+
+
+def test_what_acted_before_the_onset_counts(contacts: Sequence[tuple[ContactHistory, Touch]]) -> None:
+    """An impact is over when it has been detected: all that is left is the residual, which decays."""
+    smoother = ContactSmoother(SCENE)._torques
+    history, touch = contacts[0]
+    K = 2.0 * np.pi * SCENE.bandwidth
+    since = history.t[:20] - history.t[0]
+    impact = replace(
+        _first(history, 20),
+        joint_torque=history.joint_torque[40] * np.exp(-K * since)[:, None],
+    )
+    windows = contact_windows(impact, SCENE.bandwidth)
+    assert windows is not None
+    # The torque in the windows is zero.
+    np.testing.assert_allclose(windows.joint_torque, 0.0, atol=0.05 * np.abs(history.joint_torque[40]).max())
+    found = smoother.smooth(impact, windows)
+    assert found is not None
+    assert found.best.link == touch.link_index
+
+
+def test_a_place_that_moves_by_more_than_its_errors_slides() -> None:
+    points = np.array([[0.0, 0.0, 0.0], [0.01, 0.0, 0.0], [0.02, 0.0, 0.0]])
+
+    def path(std: float) -> Place:
+        return _followed(
+            3, 0.0,
+            [_Candidate(0.5, p, np.eye(3)[2], -np.eye(3)[2], std**2 * np.eye(3)) for p in points],
+            np.array([0, 0, 1, 2, 2]),
+        )  # fmt: skip
+
+    assert not path(0.02).sliding
+    moving = path(0.001)
+    assert moving.sliding
+    np.testing.assert_allclose(moving.point, points[[0, 0, 1, 2, 2]])
