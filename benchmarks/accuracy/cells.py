@@ -98,8 +98,20 @@ def _wrist_noise(constants: Constants, q: np.ndarray, rng: np.random.Generator) 
 
 @click.command()
 @click.argument("scenes", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--contacts", default=700, show_default=True, help="Contacts, each in a posture of its own.")
-@click.option("--force", default=20.0, show_default=True, help="Magnitude of each force [N].")
+@click.option(
+    "--contacts",
+    type=click.IntRange(1),
+    default=700,
+    show_default=True,
+    help="Contacts, each in a posture of its own.",
+)
+@click.option(
+    "--force",
+    type=click.FloatRange(0.0, min_open=True),
+    default=20.0,
+    show_default=True,
+    help="Magnitude of each force [N].",
+)
 @click.option("--seed", default=0, show_default=True, help="Of everything random.")
 @click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
 def cells(scenes: tuple[Path, ...], contacts: int, force: float, seed: int, as_json: bool) -> None:

@@ -75,11 +75,33 @@ class Agreement(NamedTuple):
     default=(*SENSORS, WRIST),
     help="What is measured; may be repeated.  [default: each]",
 )
-@click.option("--postures", default=3, show_default=True, help="Random postures of each arm.")
-@click.option("--draws", default=300, show_default=True, help="Simulated measurements at each place.")
-@click.option("--force", default=20.0, show_default=True, help="Force for errors and link [N].")
-@click.option("--friction", default=0.0, show_default=True, help="Coefficient of friction of the pushes.")
-@click.option("--every", default=1, show_default=True, help="Simulate one of so many places.")
+@click.option(
+    "--postures", type=click.IntRange(1), default=3, show_default=True, help="Random postures of each arm."
+)
+@click.option(
+    "--draws",
+    type=click.IntRange(1),
+    default=300,
+    show_default=True,
+    help="Simulated measurements at each place.",
+)
+@click.option(
+    "--force",
+    type=click.FloatRange(0.0, min_open=True),
+    default=20.0,
+    show_default=True,
+    help="Force for errors and link [N].",
+)
+@click.option(
+    "--friction",
+    type=click.FloatRange(0.0),
+    default=0.0,
+    show_default=True,
+    help="Coefficient of friction of the pushes.",
+)
+@click.option(
+    "--every", type=click.IntRange(1), default=1, show_default=True, help="Simulate one of so many places."
+)
 @click.option("--seed", default=1, show_default=True, help="Of postures and noise.")
 @click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
 def surface_map(

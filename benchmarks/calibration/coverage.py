@@ -100,9 +100,17 @@ def draw(rng: np.random.Generator) -> tuple[Scene, np.ndarray, Scene]:
 
 
 @click.command()
-@click.option("--runs", default=40, show_default=True, help="Simulated recordings.")
-@click.option("--seconds", default=20.0, show_default=True, help="Length of each [s].")
-@click.option("--rate", default=250.0, show_default=True, help="Samples a second [Hz].")
+@click.option("--runs", type=click.IntRange(1), default=40, show_default=True, help="Simulated recordings.")
+@click.option(
+    "--seconds", type=click.FloatRange(4.0), default=20.0, show_default=True, help="Length of each [s]."
+)
+@click.option(
+    "--rate",
+    type=click.FloatRange(0.0, min_open=True),
+    default=250.0,
+    show_default=True,
+    help="Samples a second [Hz].",
+)
 @options.as_json
 def coverage(runs: int, seconds: float, rate: float, as_json: bool) -> None:
     """Calibrate simulated recordings and count how many true values lie in the stated 95 % intervals."""

@@ -208,7 +208,13 @@ def felt_shares(touches: list[Touch], edges: np.ndarray) -> dict[int, list[tuple
 )
 @options.link_prior
 @click.option("--moving", is_flag=True, help="Only recordings in which the whole arm moves.")
-@click.option("--least", default=FORCES[0], show_default=True, help="Smallest force [N].")
+@click.option(
+    "--least",
+    type=click.FloatRange(0.0, min_open=True),
+    default=FORCES[0],
+    show_default=True,
+    help="Smallest force [N].",
+)
 @click.option("--seeds", default=4, show_default=True, help="Passes over the recordings.")
 @options.as_json
 def touches(

@@ -110,12 +110,26 @@ def _print_real(result: dict[str, Any], as_json: bool) -> None:
 
 @click.command()
 @click.option("--arm", "arms", multiple=True, default=("ur5e", "ur10e"), show_default=True, help="Arms.")
-@click.option("--draws", default=20, show_default=True, help="Cells per mistake and arm.")
-@click.option("--right", default=200, show_default=True, help="Cells without a mistake.")
-@click.option("--seconds", default=Settings.seconds, show_default=True, help="Length of the motion [s].")
+@click.option(
+    "--draws", type=click.IntRange(0), default=20, show_default=True, help="Cells per mistake and arm."
+)
+@click.option(
+    "--right", type=click.IntRange(0), default=200, show_default=True, help="Cells without a mistake."
+)
+@click.option(
+    "--seconds",
+    type=click.FloatRange(0.0, min_open=True),
+    default=Settings.seconds,
+    show_default=True,
+    help="Length of the motion [s].",
+)
 @click.option("--speed", default=Settings.speed, show_default=True, help="RMS speed of each joint [rad/s].")
 @click.option(
-    "--postures", default=0, show_default=True, help="Rest in so many postures instead of steady motion."
+    "--postures",
+    type=click.IntRange(0),
+    default=0,
+    show_default=True,
+    help="Rest in so many postures instead of steady motion.",
 )
 @click.option(
     "--sensor",

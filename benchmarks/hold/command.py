@@ -20,7 +20,7 @@ TIMES = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 4.0)
 
 
 @click.command()
-@click.option("--runs", default=20, show_default=True, help="Streams of each kind.")
+@click.option("--runs", type=click.IntRange(1), default=20, show_default=True, help="Streams of each kind.")
 @click.option("--picture", type=click.Path(path_type=Path), help="Draw both into this picture (PNG or SVG).")
 @options.as_json
 def hold(runs: int, picture: Path | None, as_json: bool) -> None:

@@ -42,7 +42,11 @@ from contactsense.sensors.settings import Friction
 @click.option(
     "--sensors", type=click.Choice(list(SENSORS)), default="all", show_default=True, help="Sensors in use."
 )
-@click.option("--bandwidth", type=float, help="Cut-off of the observer [Hz]; default: the scene's.")
+@click.option(
+    "--bandwidth",
+    type=click.FloatRange(0.0, min_open=True),
+    help="Cut-off of the observer [Hz]; default: the scene's.",
+)
 @click.option(
     "--over-time", is_flag=True, help="Print how link, error and ambiguity change while a contact lasts."
 )

@@ -122,7 +122,13 @@ def _locate(
 @options.robots
 @click.option("--contacts", type=click.IntRange(2, 3), multiple=True, default=(2,), help="May be repeated.")
 @click.option("--trials", type=click.IntRange(1), default=400, show_default=True, help="Of each kind.")
-@click.option("--force", type=float, default=20.0, show_default=True, help="Size of each force [N].")
+@click.option(
+    "--force",
+    type=click.FloatRange(0.0, min_open=True),
+    default=20.0,
+    show_default=True,
+    help="Size of each force [N].",
+)
 @click.option("--seed", default=1, show_default=True, help="Tune with one, judge with another.")
 @click.option(
     "--arriving", type=click.Choice(list(SCENARIOS)), multiple=True, default=tuple(SCENARIOS),

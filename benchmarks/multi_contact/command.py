@@ -26,7 +26,13 @@ SCENARIOS = (Scenario("one_by_one", 0.5), Scenario("one_by_one", None), Scenario
     "--contacts", type=click.IntRange(1, 3), multiple=True, default=(1, 2, 3), help="May be repeated."
 )
 @click.option("--trials", type=click.IntRange(1), default=300, show_default=True, help="Of each kind.")
-@click.option("--force", type=float, default=20.0, show_default=True, help="Size of each force [N].")
+@click.option(
+    "--force",
+    type=click.FloatRange(0.0, min_open=True),
+    default=20.0,
+    show_default=True,
+    help="Size of each force [N].",
+)
 @click.option(
     "--links",
     type=click.Choice(get_args(Links)),

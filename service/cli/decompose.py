@@ -186,12 +186,13 @@ def _report(best: "dict[str, Fit]") -> None:
     table = Table(box=box.SIMPLE_HEAD)
     for heading in ("link", "primitives", *HEADINGS):
         left = heading == "link"
-        table.add_column(heading, justify="left" if left else "right", no_wrap=left, overflow="fold")
+        table.add_column(heading, justify="left" if left else "right", no_wrap=True, overflow="fold")
     for name, fit in best.items():
         table.add_row(name, str(len(fit.bodies.kind)), *row(fit.errors))
     count = sum(len(fit.bodies.kind) for fit in best.values())
     table.add_row("all", str(count), *row(together([fit.errors for fit in best.values()])))
-    Console(stderr=True).print(table)
+    console = Console(stderr=True)
+    console.print(table, width=max(console.width, console.measure(table).maximum), crop=False)
 
 
 def _draw(robot: Robot, meshes: "dict[str, trimesh.Trimesh]", best: "dict[str, Fit]", path: Path) -> None:
