@@ -115,7 +115,7 @@ def _wrist_noise(constants: Constants, q: np.ndarray, rng: np.random.Generator) 
 @click.option("--seed", default=0, show_default=True, help="Of everything random.")
 @click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
 def cells(scenes: tuple[Path, ...], contacts: int, force: float, seed: int, as_json: bool) -> None:
-    """What the sensors of each of SCENES can tell of a contact, by touched link."""
+    """Measure what the sensors of each of SCENES can determine of a contact, by touched link."""
     try:
         loaded = {path.stem: Scene.load(path) for path in scenes}
     except SceneError as error:

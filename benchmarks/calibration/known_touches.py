@@ -236,7 +236,7 @@ def touches(
     ):
         found += touch(localizer, recording, samples, draw, k, least)
     if not any(item.probability for item in found):
-        raise click.ClickException(f"--seeds {seeds}: expected touches that are felt, got none")
+        raise click.ClickException(f"--seeds {seeds}: expected at least one detected touch, got none")
     edges = np.geomspace(least, FORCES[1], FORCE_RANGES + 1)
     felt = felt_shares(found, edges)
     summary = summarize(found) | {
@@ -252,7 +252,7 @@ def touches(
 def _print(summary: dict[str, Any]) -> None:
     console, trust, sure = Console(width=110), summary["calibration"], summary["above_0.9"]
     console.print(
-        f"{summary['touches']} touches, {summary['answered']} felt; "
+        f"{summary['touches']} touches, {summary['answered']} detected; "
         f"the most probable link is touched in {100 * summary['right'] / summary['answered']:.1f} %, "
         f"stated {100 * summary['stated']:.1f} %\n"
         f"calibration error {100 * trust['error']:.1f} %; true probabilities: "
@@ -273,7 +273,7 @@ def _print(summary: dict[str, Any]) -> None:
     scores = ", ".join(f"{exponent:g}: {score:.3f}" for exponent, score in summary["log_score"].items())
     console.print(f"mean log probability of the touched link, probabilities to the power of {scores}")
     edges = summary["force_edges"]
-    table = Table("touched link", *(f"{a:.0f} to {b:.0f} N" for a, b in pairwise(edges)), title="Felt")
+    table = Table("touched link", *(f"{a:.0f} to {b:.0f} N" for a, b in pairwise(edges)), title="Detected")
     for link, shares in summary["felt"].items():
         table.add_row(link, *(f"{felt} of {all_}" for all_, felt in shares))
     console.print(table)

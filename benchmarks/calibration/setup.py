@@ -105,7 +105,7 @@ def _print_real(result: dict[str, Any], as_json: bool) -> None:
         return
     for name, said in result.items():
         told = "; ".join(said["does not fit"] + said["unexplained"]) or "nothing contradicts the scene"
-        click.echo(f"{name}: {told}; {said['cannot be told']} of {said['lines']} lines cannot be told")
+        click.echo(f"{name}: {told}; {said['cannot be told']} of {said['lines']} lines are undetermined")
 
 
 @click.command()
@@ -176,5 +176,7 @@ def setup(
         only = sum(counts["alone"] for counts in by_arm.values())
         table.add_row(kind, *cells, f"{only} of {draws * len(arms)}")
     Console(width=80).print(table)
-    click.echo(f"right line named first: {named} of {total}; and no other line accused: {alone} of {total}")
-    click.echo(f"right setups accused: {len(result['right_accused'])} of {right}")
+    click.echo(
+        f"right line named first: {named} of {total}; and no other line reported as wrong: {alone} of {total}"
+    )
+    click.echo(f"right setups with a line reported as wrong: {len(result['right_accused'])} of {right}")

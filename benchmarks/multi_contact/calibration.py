@@ -129,7 +129,12 @@ def _locate(
     show_default=True,
     help="Size of each force [N].",
 )
-@click.option("--seed", default=1, show_default=True, help="Tune with one, judge with another.")
+@click.option(
+    "--seed",
+    default=1,
+    show_default=True,
+    help="Seed of the random numbers: tune with one, evaluate with another.",
+)
 @click.option(
     "--arriving", type=click.Choice(list(SCENARIOS)), multiple=True, default=tuple(SCENARIOS),
     help="What is known before the last contact; may be repeated.",

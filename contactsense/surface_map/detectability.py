@@ -32,7 +32,7 @@ MIN_NAMED = 0.2
 
 @with_attributes
 class LinkDetectability(NamedTuple):
-    """One link of a map. Quantiles are by area; infinite where sensors cannot tell."""
+    """One link of a map. Quantiles are by area; infinite where the sensors do not determine them."""
 
     link: str
     """Name of the link."""
@@ -48,7 +48,8 @@ class LinkDetectability(NamedTuple):
 
 @with_attributes
 class Detectability(NamedTuple):
-    """N places of the touchable surface in one posture. Base frame; infinite where sensors cannot tell."""
+    """N places of the touchable surface in one posture. Base frame; infinite where the sensors do not
+    determine them."""
 
     link_names: tuple[str, ...]
     """Names of all links."""

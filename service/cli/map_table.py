@@ -68,7 +68,7 @@ def _explain(found: Detectability) -> None:
         f"error: of the place, for {found.force:g} N along the inward normal; median of the answers\n"
         "named: probability of naming the link for that push\n"
         "error and named also count pushes too weak to be detected: compare with force\n"
-        f"-: cannot tell: no force up to {LARGEST_FORCE:g} N is detected; or fewer\n"
+        f"-: undetermined: no force up to {LARGEST_FORCE:g} N is detected; or fewer\n"
         "  than one in five answers is on the link"
     )
 

@@ -182,7 +182,7 @@ def test_a_signal_to_the_whole_group_is_no_failure(tmp_path: Path) -> None:
         with pytest.raises(ChildError, match="exit status 0"):
             assert until(lambda: service.check(), 20.0)
     told = log.read_text()
-    assert "it keeps trying" in told
+    assert "retrying" in told
     assert "failing" not in told, told
     assert "exit code" not in told, told
 

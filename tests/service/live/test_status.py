@@ -16,7 +16,7 @@ def test_all_is_well():
 @pytest.mark.parametrize(
     ("change", "status", "reason"),
     [
-        ({"process": "none"}, "idle", "no robot was named"),
+        ({"process": "none"}, "idle", "no robot is configured"),
         ({"process": "starting"}, "starting", "loading its kernels"),
         ({"process": "starting", "end": "ended (exit code 3)"}, "failing", "exit code 3"),
         ({"process": "ended", "end": "ended (exit code 3)"}, "failing", "started again"),
