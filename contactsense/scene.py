@@ -89,7 +89,7 @@ class Scene(FileModel):
     From Python: `Scene(robot="ur5e", mounting="ceiling")`; from a file: `Scene.load("scene.yaml")`.
 
     Raises:
-        SceneError: a field is invalid; the message names it, what was expected and what came.
+        SceneError: a field is invalid; the message names it, what was expected and what was given.
     """
 
     model_config = ConfigDict(use_attribute_docstrings=True)

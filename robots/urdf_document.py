@@ -1,4 +1,5 @@
-"""Read a URDF and check that it is one tree of links: what is wrong is said in one line, with the element."""
+"""Read a URDF and check that it is one tree of links: what is wrong is reported in one line, with the
+element."""
 
 import contextlib
 import logging

@@ -1,4 +1,4 @@
-"""`contactsense bench cells SCENE...`: what the sensors of a scene can tell, on simulated contacts."""
+"""`contactsense bench cells SCENE...`: what the sensors of a scene can determine, on simulated contacts."""
 
 import json
 from pathlib import Path
@@ -19,7 +19,7 @@ from contactsense.scene import SceneError
 
 
 class Answers(NamedTuple):
-    """What is said of N contacts, each measured once."""
+    """Answers for N contacts, each measured once."""
 
     detected: np.ndarray
     """Whether the measurement stands out from noise at the scene's false alarms, shape (N,), bool."""

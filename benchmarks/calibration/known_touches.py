@@ -47,14 +47,14 @@ EXPONENTS = (0.5, 0.7, 1.0, 1.4, 2.0)
 """The probabilities are also scored after raising them to these powers: a best power below one would mean
 that the evidence counts errors as independent that are not."""
 FORCE_RANGES = 4
-"""Ranges of forces, equal in the logarithm, for which the share of felt touches is told."""
+"""Ranges of forces, equal in the logarithm, for which the share of detected touches is printed."""
 _SPACING = 0.01
 _LEAST = 1e-6
 """Smaller probabilities are scored as this."""
 
 
 class Touch(NamedTuple):
-    """One touch, and what is said of it."""
+    """One touch, and the answer to it."""
 
     recording: str
     link: int
@@ -75,7 +75,7 @@ def touch(
     seed: int,
     least: float = FORCES[0],
 ) -> list[Touch]:
-    """Add touches to one recording, process it as a live stream, and judge each touch.
+    """Add touches to one recording, process it as a live stream, and evaluate each touch.
 
     Args:
         localizer: Of the calibrated arm, with joint torques.
@@ -187,8 +187,8 @@ def summarize(touches: list[Touch]) -> dict[str, Any]:
 
 
 def felt_shares(touches: list[Touch], edges: np.ndarray) -> dict[int, list[tuple[int, int]]]:
-    """Number of touches, and of those that are felt, for each touched link and each range of forces, whose
-    edges are given in ascending order [N]."""
+    """Number of touches, and of those that are detected, for each touched link and each range of forces,
+    whose edges are given in ascending order [N]."""
     links = sorted({found.link for found in touches})
     counts = {link: np.zeros((len(edges) - 1, 2), dtype=int) for link in links}
     for found in touches:

@@ -44,7 +44,7 @@ class Made:
     force: float
     """[N]"""
     torque: float
-    """Torque of the joint that feels it most, mean over the push, in units of that joint's limit."""
+    """Torque of the joint that it loads most, mean over the push, in units of that joint's limit."""
     found: bool
     """Whether a stretch that was left out overlaps it."""
 

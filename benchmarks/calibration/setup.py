@@ -30,7 +30,7 @@ _WRONG_SEEDS = 10_000
 
 
 def outcome(case: Case) -> dict[str, Any]:
-    """What the check says of one case: lines accused, in order, and lines that it cannot tell."""
+    """What the check reports of one case: wrong lines, in order, and undetermined lines."""
     found = check(case.scene, [case.recording])
     return {
         "accused": [item.line for item in found.wrong],
@@ -129,7 +129,7 @@ def _print_real(result: dict[str, Any], as_json: bool) -> None:
     type=click.IntRange(0),
     default=0,
     show_default=True,
-    help="Rest in so many postures instead of steady motion.",
+    help="Number of postures at rest, instead of steady motion; 0: steady motion.",
 )
 @click.option(
     "--sensor",
@@ -154,7 +154,7 @@ def setup(
     as_json: bool,
 ) -> None:
     """Draw simulated cells with one mistake in the scene, and with none, and count the lines that
-    `contactsense check` accuses."""
+    `contactsense check` reports as wrong."""
     if recordings is not None:
         _print_real(real(recordings), as_json)
         return

@@ -71,7 +71,7 @@ class Stretch:
     frames: float
     """Poses of the arm a second, at the page that receives the fewest; NaN without pages."""
     core: float
-    """Share of a processor core that the viewer takes; NaN where the system does not tell."""
+    """Share of a processor core that the viewer takes; NaN where the system does not report it."""
 
 
 def measure(seconds: float, rounds: int, browser: bool) -> list[Stretch]:
@@ -142,7 +142,7 @@ def _stretch(
 
 
 def _processor_time(process: int | None) -> float:
-    """Processor time that a process has taken so far [s]; NaN where the system does not tell."""
+    """Processor time that a process has taken so far [s]; NaN where the system does not report it."""
     try:
         fields = Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()
     except OSError:

@@ -44,13 +44,14 @@ def judge(
     seed: int = 1,
     tick: Callable[[], object] = lambda: None,
 ) -> Iterator[Verdict | None]:
-    """Verdicts on trials with so many contacts on different links; None without an answer with so many.
+    """Verdicts on trials with this number of contacts on different links; None without an answer with that
+    number.
 
-    An answer with fewer is not judged: how often there are several contacts is the scene's to say, and here
-    there always are.
+    An answer with fewer is not evaluated: how often there are several contacts is the scene's to say, and
+    here there always are.
 
-    One by one, only trials are judged in which the best explanation of the earlier contacts is the true one:
-    they are taken as known.
+    One by one, only trials are evaluated in which the best explanation of the earlier contacts is the true
+    one: they are taken as known.
 
     Args:
         localizer: See `contactsense.benchmarks.multi_contact.measure.localizer_for`.
@@ -170,7 +171,7 @@ def calibration_several(
     """Compare what is stated about several contacts with what is right.
 
     The contacts are those of `contactsense bench several`, or with --truth at places on the meshes. Answers
-    with the right number of contacts are judged. One by one, only trials are judged in which the best
+    with the right number of contacts are evaluated. One by one, only trials are evaluated in which the best
     explanation of the earlier contacts is the true one: the answer takes them as known.
 
     \b

@@ -144,7 +144,9 @@ class _Search:
         joints = scene.robot.joints
         n = len(joints)
         if settings.home is None and n != len(_HOME):
-            raise CalibrationError(f"home: expected a posture for {scene.robot.name}, got none")
+            raise CalibrationError(
+                f"home: expected {n} angles, the mean posture of {scene.robot.name}, got none"
+            )
         home = np.array(_HOME if settings.home is None else settings.home, dtype=float)
         if home.shape != (n,):
             raise CalibrationError(f"home: expected {n} angles, got {home.size}")

@@ -27,7 +27,7 @@ from contactsense.surface_map.sensor_response import sensor_response
 from contactsense.surface_map.smallest_force import detected_size, smallest_force
 
 MIN_NAMED = 0.2
-"""Share of answers on the link below which the map tells no error: a dozen answers have no median."""
+"""Share of answers on the link below which the map gives no error: a dozen answers have no median."""
 
 
 @with_attributes
@@ -125,7 +125,7 @@ def detectability(
         friction: Coefficient of friction of the pushes for errors and link probability: their inclinations
             are uniform in the friction cone, with the scene's torsion; 0: along the inward normal, without
             torsion.
-        every: Only one of so many places: a coarser map in less time.
+        every: Compute only every n-th place: a coarser map in less time.
 
     Raises:
         ValueError: an argument is wrong; the message names the field.

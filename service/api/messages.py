@@ -143,7 +143,7 @@ class EstimateOut(BaseModel):
         None,
         description="Smallest force that the usable sensors detect with probability 0.9, wherever and in "
         "whichever direction it acts on the arm, while it is held [N]; null where no force is sure to be "
-        "detected, as with joint torques alone. It tells what the status none rules out.",
+        "detected, as with joint torques alone. It is what the status none rules out.",
     )
     reason: str = Field(description="Why the status is what it is, where that is not plain.")
     q: list[float | None] | None = Field(
