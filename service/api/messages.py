@@ -239,7 +239,7 @@ class PipelineHealth(BaseModel):
     """State of the process that turns samples into estimates."""
 
     alive: bool = Field(False, description="Whether it runs and answers.")
-    restarts: int = Field(0, description="How often it had to be started again.")
+    restarts: int = Field(0, description="How often it was restarted.")
     scheduling: Literal["real time", "short slices", "normal"] = Field(
         "normal",
         description="How urgently the system lets it run; reactions are in time on a busy computer only "
