@@ -83,6 +83,8 @@ def _check_kind(path: Path) -> None:
         raise RobotError(f"{path}: expected URDF, got xacro; expand it first: xacro {path.name} > {expanded}")
     if root.tag != "robot":
         raise RobotError(f"{path}: expected URDF with the root element robot, got {root.tag}")
+    if "xmlns" in root.attrib:
+        raise RobotError(f"{path}: expected URDF without a namespace, got xmlns={root.attrib['xmlns']!r}")
     for body in root:
         if body.tag in ("link", "joint"):
             _check_numbers(path, body)

@@ -212,6 +212,13 @@ def test_limits_that_stand_for_none_are_accepted(tmp_path: Path) -> None:
         robots.from_urdf(write(tmp_path, '<robot name="empty"/>'))
 
 
+def test_a_namespace_is_refused(tmp_path: Path) -> None:
+    """Its elements would not be found."""
+    text = arm().replace("<robot ", '<robot xmlns="http://www.ros.org" ')
+    with pytest.raises(robots.RobotError, match=r"URDF without a namespace, got xmlns='http://www.ros.org'"):
+        robots.from_urdf(write(tmp_path, text))
+
+
 def test_the_folder_in_which_a_file_was_looked_for_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

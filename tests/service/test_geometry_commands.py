@@ -107,6 +107,14 @@ def test_decompose_a_urdf_and_load_what_it_made(tmp_path: Path) -> None:
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
+def test_an_arm_without_visual_shapes_needs_meshes(tmp_path: Path) -> None:
+    urdf = tmp_path / "two.urdf"
+    urdf.write_text(URDF.replace("visual>", "collision>"))
+    result = call("decompose", str(urdf))
+    assert result.exit_code == 1
+    assert "no link has a visual shape; --meshes names a folder of meshes" in result.output
+
+
 def test_links_beyond_the_tolerance_are_named() -> None:
     near, far = np.full(100, 1e-3), np.linspace(0.0, 10e-3, 101)
     links = {
