@@ -16,6 +16,7 @@ from contactsense.kinematics.model import empty_motion
 from contactsense.residuals.joint_friction import unmodelled_torque_std
 from contactsense.runtime.constants import Constants, build_constants
 from contactsense.scene import SceneError
+from contactsense.service.cli.finite_range import FiniteRange
 
 
 class Answers(NamedTuple):
@@ -107,12 +108,12 @@ def _wrist_noise(constants: Constants, q: np.ndarray, rng: np.random.Generator) 
 )
 @click.option(
     "--force",
-    type=click.FloatRange(0.0, min_open=True),
+    type=FiniteRange(0.0, min_open=True),
     default=20.0,
     show_default=True,
     help="Magnitude of each force [N].",
 )
-@click.option("--seed", default=0, show_default=True, help="Of everything random.")
+@click.option("--seed", default=0, show_default=True, help="Seed of the random numbers.")
 @click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
 def cells(scenes: tuple[Path, ...], contacts: int, force: float, seed: int, as_json: bool) -> None:
     """Measure what the sensors of each of SCENES can determine of a contact, by touched link."""

@@ -27,6 +27,7 @@ from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import build_model, empty_motion
 from contactsense.robots import RobotError
 from contactsense.runtime.constants import build_constants
+from contactsense.service.cli.finite_range import FiniteRange
 
 TOLERANCE = 0.2
 """Relative difference up to which a prediction counts as right."""
@@ -89,14 +90,14 @@ class Agreement(NamedTuple):
 )
 @click.option(
     "--force",
-    type=click.FloatRange(0.0, min_open=True),
+    type=FiniteRange(0.0, min_open=True),
     default=20.0,
     show_default=True,
     help="Force for errors and link [N].",
 )
 @click.option(
     "--friction",
-    type=click.FloatRange(0.0),
+    type=FiniteRange(0.0),
     default=0.0,
     show_default=True,
     help="Coefficient of friction of the pushes.",
@@ -104,7 +105,7 @@ class Agreement(NamedTuple):
 @click.option(
     "--every", type=click.IntRange(1), default=1, show_default=True, help="Simulate every n-th place only."
 )
-@click.option("--seed", default=1, show_default=True, help="Of postures and noise.")
+@click.option("--seed", default=1, show_default=True, help="Seed of postures and noise.")
 @click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
 def surface_map(
     names: tuple[str, ...],

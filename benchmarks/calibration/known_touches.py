@@ -33,6 +33,7 @@ from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import Motion, build_model, empty_motion
 from contactsense.runtime.result_rows import PROBABILITY
 from contactsense.scene import LinkPrior
+from contactsense.service.cli.finite_range import FiniteRange
 
 Draw = Literal["area", "link"]
 FORCES = (20.0, 150.0)
@@ -210,7 +211,7 @@ def felt_shares(touches: list[Touch], edges: np.ndarray) -> dict[int, list[tuple
 @click.option("--moving", is_flag=True, help="Only recordings in which the whole arm moves.")
 @click.option(
     "--least",
-    type=click.FloatRange(0.0, min_open=True),
+    type=FiniteRange(0.0, min_open=True),
     default=FORCES[0],
     show_default=True,
     help="Smallest force [N].",

@@ -21,6 +21,7 @@ from contactsense.benchmarks.calibration.setup_draws import (
     right_setup,
     wrong_setup,
 )
+from contactsense.service.cli.finite_range import FiniteRange
 from contactsense.setup_check import check
 
 LOADED = "ur-20_01_31-load"
@@ -118,7 +119,7 @@ def _print_real(result: dict[str, Any], as_json: bool) -> None:
 )
 @click.option(
     "--seconds",
-    type=click.FloatRange(0.0, min_open=True),
+    type=FiniteRange(0.0, min_open=True),
     default=Settings.seconds,
     show_default=True,
     help="Length of the motion [s].",

@@ -23,6 +23,7 @@ from contactsense.benchmarks.browser import BrowserError, browser_page
 from contactsense.benchmarks.live.latency import collect
 from contactsense.benchmarks.live.viewer_clients import Pages, pages
 from contactsense.service.api.client import Client, ClientError
+from contactsense.service.cli.finite_range import FiniteRange
 from contactsense.service.demo.child_process import ChildError, child
 from contactsense.service.demo.processes import Stage
 from contactsense.service.mock.rtde_server import RATE
@@ -176,7 +177,7 @@ def table(found: Sequence[Stretch]) -> Iterator[str]:
 
 @click.command()
 @click.option(
-    "--seconds", default=20.0, show_default=True, type=click.FloatRange(1.0), help="Length of a stretch."
+    "--seconds", default=20.0, show_default=True, type=FiniteRange(1.0), help="Length of a stretch."
 )
 @click.option(
     "--rounds", default=5, show_default=True, type=click.IntRange(1), help="How often each case is measured."

@@ -30,6 +30,7 @@ from contactsense.benchmarks.motion.score import AGES, Answer, Score
 from contactsense.benchmarks.motion.streams import KINDS, SUITES, Stream, read, redrawn
 from contactsense.residuals.momentum_observer import noise_variance_ratio
 from contactsense.sensors.settings import Friction
+from contactsense.service.cli.finite_range import FiniteRange
 
 
 @click.command()
@@ -44,7 +45,7 @@ from contactsense.sensors.settings import Friction
 )
 @click.option(
     "--bandwidth",
-    type=click.FloatRange(0.0, min_open=True),
+    type=FiniteRange(0.0, min_open=True),
     help="Cut-off of the observer [Hz]; default: the scene's.",
 )
 @click.option(

@@ -23,6 +23,7 @@ from contactsense.benchmarks.multi_contact.calibration_verdict import Verdict, i
 from contactsense.benchmarks.multi_contact.measure import Scenario, localizer_for
 from contactsense.benchmarks.multi_contact.mesh_trials import MeshTrials
 from contactsense.benchmarks.multi_contact.trials import Trial, Trials
+from contactsense.service.cli.finite_range import FiniteRange
 
 SCENARIOS = {
     "forces held": Scenario("one_by_one", 0.5),
@@ -122,10 +123,12 @@ def _locate(
 @click.command()
 @options.robots
 @click.option("--contacts", type=click.IntRange(2, 3), multiple=True, default=(2,), help="May be repeated.")
-@click.option("--trials", type=click.IntRange(1), default=400, show_default=True, help="Of each kind.")
+@click.option(
+    "--trials", type=click.IntRange(1), default=400, show_default=True, help="Number of trials of each kind."
+)
 @click.option(
     "--force",
-    type=click.FloatRange(0.0, min_open=True),
+    type=FiniteRange(0.0, min_open=True),
     default=20.0,
     show_default=True,
     help="Size of each force [N].",
@@ -141,7 +144,7 @@ def _locate(
     help="What is known before the last contact; may be repeated.",
 )  # fmt: skip
 @click.option(
-    "--drift", type=click.FloatRange(0.0, min_open=True), default=0.5, show_default=True,
+    "--drift", type=FiniteRange(0.0, min_open=True), default=0.5, show_default=True,
     help="Change of each component of the held forces [N].",
 )  # fmt: skip
 @click.option(

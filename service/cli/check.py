@@ -56,7 +56,7 @@ _UNITS = {
     type=FiniteRange(4.0),
     default=20.0,
     show_default=True,
-    help="How long to read the robot.",
+    help="How long to read the robot [s].",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the result for a program.")
 @click.pass_context
