@@ -60,7 +60,7 @@ class Point(NamedTuple):
 
 def chain(links: int, pieces: int) -> Robot:
     """An arm of that many moving links, whose joint axes are along and across the links in turn; each link
-    has so many capsules in one line."""
+    has this number of capsules in one line."""
     length = LENGTH / links
     inertia = Inertia(1.0, np.array([0.0, 0.0, 0.5 * length]), 0.01 * np.eye(3))
     base = Link("base", inertia, (Capsule(a=(0.0, 0.0, RADIUS), b=(0.0, 0.0, 0.1), radius=1.2 * RADIUS),))
@@ -156,7 +156,8 @@ def one_contact(robot: Robot, samples: int) -> float:
 
 
 def several_contacts(robot: Robot, samples: int, contacts: int) -> float:
-    """Time of one call of `locate` that looks for up to so many contacts, of which all are there [us]."""
+    """Time of one call of `locate` that looks for up to this number of contacts, all of which are present
+    [us]."""
     q, wrench, torque = touches(robot, samples, contacts)
     localizer = _localizer(robot, max(CONTACTS))
 

@@ -43,7 +43,7 @@ half = click.option(
     type=click.Choice(list(HALVES)),
     default="both",
     show_default=True,
-    help="Which of the contacts: tune on one half, judge on the other.",
+    help="Which of the contacts: tune on one half, evaluate on the other.",
 )
 link_prior = click.option(
     "--link-prior",

@@ -170,7 +170,7 @@ class Localizer(StaticLocalizer):
         whose positions or velocities are not finite, or whose positions are beyond the joints' limits and one
         turn, is not used. A base sensor that at the start of the stream, at rest, does not carry the weight
         of arm and tool is not used until it does. None of this raises: the estimate is `degraded` with a
-        reason. What has been felt since the start of the stream may come from a wrong scene, and `reason`
+        reason. What has been detected since the start of the stream may come from a wrong scene, and `reason`
         says so.
 
         Raises:
@@ -198,7 +198,7 @@ class Localizer(StaticLocalizer):
                 detectable.left -= 1
                 return self._no_contact(sample.t, detectable.value)
             return self._no_contact(sample.t, detectable.in_stream())
-        # Once all sensors have proved right, a contact tells nothing about the start.
+        # Once all sensors have proved right, a contact says nothing about the start.
         since_start = (self._start.watches or flags != TOUCHED) and self._start.update(sample.t, flags)
         estimate = self._estimate(sample.t, flags)
         if since_start:

@@ -23,6 +23,7 @@ from contactsense.robots import Robot
 from contactsense.robots.attribute_docs import with_attributes
 from contactsense.robots.field_errors import Place, describe, reasons
 from contactsense.robots.file_model import FileModel
+from contactsense.robots.file_references import located
 from contactsense.robots.library import in_library
 from contactsense.robots.primitives import Vector
 from contactsense.robots.robot import NO_MASS, Inertia
@@ -88,7 +89,7 @@ class Scene(FileModel):
     From Python: `Scene(robot="ur5e", mounting="ceiling")`; from a file: `Scene.load("scene.yaml")`.
 
     Raises:
-        SceneError: a field is invalid; the message names it, what was expected and what came.
+        SceneError: a field is invalid; the message names it, what was expected and what was given.
     """
 
     model_config = ConfigDict(use_attribute_docstrings=True)
@@ -98,8 +99,8 @@ class Scene(FileModel):
         BeforeValidator(_as_robot),
         PlainSerializer(_reference, return_type=str),
     ]
-    """The arm: a name listed by `contactsense robots`, or the path of a URDF or YAML file; in Python also a
-    `robots.Robot`."""
+    """The arm: a name listed by `contactsense robots`, or the path of a URDF or YAML file, relative to the
+    scene file; in Python also a `robots.Robot`."""
     kinematics: Path | None = None
     """Kinematic calibration of the real arm, the YAML file exported by UR's driver; None: the model's nominal
     values."""
@@ -256,7 +257,7 @@ class Scene(FileModel):
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
-        """Read a scene from a YAML file.
+        """Read a scene from a YAML file. Relative paths in it are relative to its folder.
 
         Raises:
             SceneError: the file is missing or not YAML, or a field is invalid; the message names it.
@@ -266,7 +267,7 @@ class Scene(FileModel):
         except ValueError as error:
             raise SceneError(str(error)) from None
         try:
-            return cls(**content)
+            return cls(**located(content, Path(path).parent))
         except SceneError as error:
             raise SceneError(f"{path}: {error}") from None
 

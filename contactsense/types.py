@@ -144,4 +144,4 @@ class Estimate:
     detectable: float = math.inf
     """Smallest force that the usable sensors detect with probability 0.9, wherever and in whichever direction
     it acts on the arm, while it is held [N]; infinite where no force is sure to be detected, as with joint
-    torques alone. It tells what the status `none` rules out."""
+    torques alone. It is what the status `none` rules out."""

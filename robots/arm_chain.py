@@ -2,9 +2,7 @@
 
 from typing import Any
 
-from contactsense.robots.urdf_document import TURNING
-
-MOVING = (*TURNING, "prismatic")
+from contactsense.robots.urdf_document import MOVING, TURNING
 
 
 def way_to(link: str, parent: dict[str, Any]) -> list[Any]:

@@ -1,8 +1,8 @@
 """Read a URDF as a `Robot`, and the visual meshes of its links.
 
 The arm is the chain of revolute joints from the root to the tip. Links attached by fixed joints become part
-of the link that carries them, and so do links behind other movable joints, such as a gripper's, which are
-held at zero and named in `Robot.held`.
+of the link that carries them, and so do links behind other movable joints, such as a gripper's or a lift's
+below the arm, which are held at zero and named in `Robot.held`.
 """
 
 from dataclasses import dataclass
@@ -12,15 +12,17 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from contactsense.robots.arm_chain import MOVING, longest_way, way_to
+from contactsense.robots.arm_chain import longest_way, way_to
 from contactsense.robots.meshes import check_unit, read_mesh
 from contactsense.robots.robot import NO_MASS, Inertia, Joint, Link, Robot
 from contactsense.robots.tool import join_inertia, move_inertia
-from contactsense.robots.urdf_document import TURNING, read_document
+from contactsense.robots.urdf_document import MOVING, TURNING, read_document
 from contactsense.robots.yaml_schema import RobotError
 
 _INERTIA_TOLERANCE = 0.01
 """Relative error of rounded inertia tensors."""
+_RADIANS, _PLACEHOLDER = 10.0 * np.pi, 1000.0
+"""Limits of a revolute joint between these are in degrees; larger ones are an exporter's for none [rad]."""
 _LIGHT = 1e-3
 """The inertia of a lighter link is a placeholder [kg]."""
 
@@ -86,9 +88,14 @@ def read_chain(path: str | Path, tip: str | None = None, name: str | None = None
     if tip is not None and tip not in links:
         raise RobotError(f"{path}: there is no link {tip}; links are {', '.join(links)}")
     way = way_to(tip, parent) if tip else longest_way(list(links), parent)
+    while way and way[0].type not in TURNING:
+        way = way[1:]
     for joint in way:
-        if joint.type == "prismatic":
-            raise RobotError(f"{path}: joint {joint.name}: prismatic joints are supported off the arm only")
+        if joint.type not in (*TURNING, "fixed"):
+            raise RobotError(
+                f"{path}: joint {joint.name}: expected a revolute, continuous or fixed joint between those "
+                f"of the arm, got {joint.type}"
+            )
         if joint.mimic is not None:
             raise RobotError(
                 f"{path}: joint {joint.name} follows {joint.mimic.joint}: expected an arm whose joints move "
@@ -100,6 +107,7 @@ def read_chain(path: str | Path, tip: str | None = None, name: str | None = None
             f"{path}: no revolute joint; is it a tool? Then contactsense decompose {path} --as-tool"
         )
     held = tuple(joint.name for joint in joints.values() if joint.type in MOVING and joint not in turning)
+    _check_held(path, [joints[name] for name in held], {joint.name for joint in turning})
     names = [root, *(joint.child for joint in turning)]
     parts = {link: _rigid(link, joints.values(), {joint.name for joint in turning}) for link in names}
     arm_links = [_link(path, link, parts[link], links) for link in names]
@@ -117,6 +125,16 @@ def read_chain(path: str | Path, tip: str | None = None, name: str | None = None
     )
     model.link_map = links
     return Chain(path, robot, parts, model)
+
+
+def _check_held(path: Path, held: list[Any], arm: set[str]) -> None:
+    """Refuse to hold a joint that follows one of the arm's: its links move with the arm."""
+    for joint in held:
+        if joint.mimic is not None and joint.mimic.joint in arm:
+            raise RobotError(
+                f"{path}: joint {joint.name}: expected a joint that can be held at zero, but it follows "
+                f"{joint.mimic.joint} of the arm"
+            )
 
 
 def read_rigid(path: Path) -> tuple[trimesh.Trimesh, Inertia, tuple[str, ...]]:
@@ -141,6 +159,8 @@ def read_rigid(path: Path) -> tuple[trimesh.Trimesh, Inertia, tuple[str, ...]]:
 
 
 def _root(path: Path, links: dict[str, Any], parent: dict[str, Any]) -> str:
+    if not links:
+        raise RobotError(f"{path}: expected links, got none")
     roots = [link for link in links if link not in parent]
     if len(roots) != 1:
         raise RobotError(f"{path}: expected one root link, got {', '.join(roots) or 'a ring'}")
@@ -240,6 +260,12 @@ def _joint(path: Path, joint: Any, parts: list[tuple[str, np.ndarray]]) -> Joint
         raise RobotError(
             f"{path}: joint {joint.name}: limits: expected lower <= upper, got {limit.lower:g} and "
             f"{limit.upper:g} rad"
+        )
+    if joint.type == "revolute" and _RADIANS < max(-limit.lower, limit.upper) < _PLACEHOLDER:
+        raise RobotError(
+            f"{path}: joint {joint.name}: limits: expected rad, none above {_RADIANS:.4g}, got "
+            f"{limit.lower:g} and {limit.upper:g}; if these are degrees: {np.radians(limit.lower):.4g} and "
+            f"{np.radians(limit.upper):.4g}; a joint without limits is continuous"
         )
     for name in ("effort", "velocity") if limit is not None else ():
         # Zero is a placeholder of exporters.

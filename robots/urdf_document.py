@@ -1,4 +1,5 @@
-"""Read a URDF and check that it is one tree of links: what is wrong is said in one line, with the element."""
+"""Read a URDF and check that it is one tree of links: what is wrong is reported in one line, with the
+element."""
 
 import contextlib
 import logging
@@ -15,7 +16,8 @@ from contactsense.robots.units import FURTHEST, FURTHEST_BODY, in_metres, within
 from contactsense.robots.yaml_schema import RobotError
 
 TURNING = ("revolute", "continuous")
-_KNOWN = (*TURNING, "fixed", "prismatic")
+MOVING = (*TURNING, "prismatic", "planar", "floating")
+_SHAPES = ("box", "cylinder", "sphere", "mesh")
 
 
 def read_document(path: Path) -> Any:
@@ -39,8 +41,11 @@ def read_document(path: Path) -> Any:
     _check_names(path, "joint", (joint.name for joint in model.joints))
     links = {link.name for link in model.links}
     for joint in model.joints:
-        if joint.type not in _KNOWN:
-            raise RobotError(f"{path}: joint {joint.name}: {joint.type} joints are not supported")
+        if joint.type not in (*MOVING, "fixed"):
+            raise RobotError(
+                f"{path}: joint {joint.name}: type: expected one of {', '.join((*MOVING, 'fixed'))}, "
+                f"got {joint.type}"
+            )
         for end in (joint.parent, joint.child):
             if end not in links:
                 raise RobotError(f"{path}: joint {joint.name}: there is no link {end}")
@@ -78,9 +83,12 @@ def _check_kind(path: Path) -> None:
         raise RobotError(f"{path}: expected URDF, got xacro; expand it first: xacro {path.name} > {expanded}")
     if root.tag != "robot":
         raise RobotError(f"{path}: expected URDF with the root element robot, got {root.tag}")
+    if "xmlns" in root.attrib:
+        raise RobotError(f"{path}: expected URDF without a namespace, got xmlns={root.attrib['xmlns']!r}")
     for body in root:
         if body.tag in ("link", "joint"):
             _check_numbers(path, body)
+            _check_shapes(path, body)
 
 
 def _root_element(path: Path) -> ElementTree.Element:
@@ -105,6 +113,18 @@ def _check_numbers(path: Path, body: ElementTree.Element) -> None:
             for name in ("xyz", "rpy"):
                 if element.tag in ("origin", "axis") and name in element.attrib:
                     _check_triple(path, body, element, name, furthest)
+
+
+def _check_shapes(path: Path, body: ElementTree.Element) -> None:
+    """Refuse shapes that URDF does not have: the reader's own message does not name the link."""
+    for parent in body:
+        for geometry in parent.findall("geometry"):
+            got = [shape.tag for shape in geometry]
+            if len(got) != 1 or got[0] not in _SHAPES:
+                raise RobotError(
+                    f"{path}: {body.tag} {body.get('name')}: {parent.tag}: geometry: expected one of "
+                    f"{', '.join(_SHAPES)}, got {', '.join(got) or 'none'}"
+                )
 
 
 def _check_triple(

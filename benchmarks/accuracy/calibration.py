@@ -126,7 +126,7 @@ def judge(
     meshes: Path | None = None,
     link_prior: LinkPrior = "area",
 ) -> list[Verdict | None]:
-    """Locate all points with that noise and judge every estimate; None if there is no answer.
+    """Locate all points with that noise and evaluate every estimate; None if there is no answer.
 
     The noise is that which the scene states, in rows without noise too: regions that allow for more than
     there is would hold too much.

@@ -1,4 +1,4 @@
-"""`contactsense bench cells SCENE...`: what the sensors of a scene can tell, on simulated contacts."""
+"""`contactsense bench cells SCENE...`: what the sensors of a scene can determine, on simulated contacts."""
 
 import json
 from pathlib import Path
@@ -16,10 +16,11 @@ from contactsense.kinematics.model import empty_motion
 from contactsense.residuals.joint_friction import unmodelled_torque_std
 from contactsense.runtime.constants import Constants, build_constants
 from contactsense.scene import SceneError
+from contactsense.service.cli.finite_range import FiniteRange
 
 
 class Answers(NamedTuple):
-    """What is said of N contacts, each measured once."""
+    """Answers for N contacts, each measured once."""
 
     detected: np.ndarray
     """Whether the measurement stands out from noise at the scene's false alarms, shape (N,), bool."""
@@ -98,12 +99,24 @@ def _wrist_noise(constants: Constants, q: np.ndarray, rng: np.random.Generator) 
 
 @click.command()
 @click.argument("scenes", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--contacts", default=700, show_default=True, help="Contacts, each in a posture of its own.")
-@click.option("--force", default=20.0, show_default=True, help="Magnitude of each force [N].")
-@click.option("--seed", default=0, show_default=True, help="Of everything random.")
+@click.option(
+    "--contacts",
+    type=click.IntRange(1),
+    default=700,
+    show_default=True,
+    help="Contacts, each in a posture of its own.",
+)
+@click.option(
+    "--force",
+    type=FiniteRange(0.0, min_open=True),
+    default=20.0,
+    show_default=True,
+    help="Magnitude of each force [N].",
+)
+@click.option("--seed", default=0, show_default=True, help="Seed of the random numbers.")
 @click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
 def cells(scenes: tuple[Path, ...], contacts: int, force: float, seed: int, as_json: bool) -> None:
-    """What the sensors of each of SCENES can tell of a contact, by touched link."""
+    """Measure what the sensors of each of SCENES can determine of a contact, by touched link."""
     try:
         loaded = {path.stem: Scene.load(path) for path in scenes}
     except SceneError as error:

@@ -19,7 +19,7 @@ from contactsense.benchmarks.accuracy.static_points import HALVES, StaticPoints,
 ROUNDS = 3
 """Both scenes answer each contact this many times in turn; the fastest answer counts."""
 CERTAIN = 0.95
-"""Probability from which a link that was not touched counts as blamed."""
+"""Probability from which a link that was not touched counts as misattributed."""
 
 
 @click.command()
@@ -37,8 +37,8 @@ CERTAIN = 0.95
 def pruning(folder: Path, robots: tuple[str, ...], keep: tuple[str, ...], half: str, as_json: bool) -> None:
     """Locate the static contacts in FOLDER with all links touchable and with those of --keep.
 
-    Time: of the pruned scene over that of the whole one, on the same contacts in turn. Blamed: a touch on a
-    link left out is called one on a kept link, with a probability above 0.95.
+    Time: of the pruned scene over that of the whole one, on the same contacts in turn. Misattributed: a
+    touch on a link left out is called one on a kept link, with a probability above 0.95.
     """
     cases = [(select(read(folder, robot), HALVES[half]), noise) for robot in robots for noise in COLUMNS]
     shown = track(cases, description="locating", console=Console(stderr=True), transient=True)
@@ -47,11 +47,20 @@ def pruning(folder: Path, robots: tuple[str, ...], keep: tuple[str, ...], half: 
         click.echo(json.dumps({"keep": list(keep), "half": half, "results": results}, indent=1))
         return
     table = Table(title=f"touchable: {', '.join(keep)}")
-    columns = ("arm", "noise", "time, kept", "time, left out", "right, all", "right, kept", "none", "blamed")
+    columns = (
+        "arm",
+        "noise",
+        "time, kept",
+        "time, left out",
+        "right, all",
+        "right, kept",
+        "none",
+        "misattributed",
+    )
     for column in columns:
         table.add_column(column, justify="left" if column in ("arm", "noise") else "right")
     for row in results:
-        shares = (row["right_of_all"], row["right_of_kept"], row["none_of_these"], row["blamed"])
+        shares = (row["right_of_all"], row["right_of_kept"], row["none_of_these"], row["misattributed"])
         table.add_row(
             row["robot"],
             row["noise"],
@@ -98,5 +107,5 @@ def measure(points: StaticPoints, noise: Noise, keep: tuple[str, ...]) -> dict[s
         "right_of_all": float((link == points.link)[kept].mean()),
         "right_of_kept": float(((kept_link == points.link) & ~none)[kept].mean()),
         "none_of_these": float(none[~kept].mean()),
-        "blamed": float((probability > CERTAIN)[~kept].mean()),
+        "misattributed": float((probability > CERTAIN)[~kept].mean()),
     }

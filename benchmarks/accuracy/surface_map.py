@@ -1,4 +1,5 @@
-"""`contactsense bench map`: the map of what sensors can tell, against simulated pushes and the localizer."""
+"""`contactsense bench map`: the map of what sensors can determine, against simulated pushes and the
+localizer."""
 
 import json
 from collections.abc import Iterator
@@ -26,13 +27,14 @@ from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import build_model, empty_motion
 from contactsense.robots import RobotError
 from contactsense.runtime.constants import build_constants
+from contactsense.service.cli.finite_range import FiniteRange
 
 TOLERANCE = 0.2
 """Relative difference up to which a prediction counts as right."""
 PROBABILITY_TOLERANCE = 0.1
 """Difference of probabilities up to which a prediction counts as right."""
 WRIST = "wrist"
-"""Besides the keys of `SENSORS`: joint torques and a wrist sensor, which feels `ROD`."""
+"""Besides the keys of `SENSORS`: joint torques and a wrist sensor, which measures `ROD`."""
 ROD: dict[str, Any] = {
     "name": "rod",
     "mass": 0.5,
@@ -46,7 +48,8 @@ MULTIPLES = np.linspace(1.0 - TOLERANCE, 1.0 + TOLERANCE, 5)
 
 
 class Agreement(NamedTuple):
-    """Predictions and simulation at N places; NaN where the map says that sensors cannot tell."""
+    """Predictions and simulation at N places; NaN where the map says that the sensors cannot determine
+    them."""
 
     share: np.ndarray
     """Share of each place in the touchable surface, shape (N,)."""
@@ -75,12 +78,34 @@ class Agreement(NamedTuple):
     default=(*SENSORS, WRIST),
     help="What is measured; may be repeated.  [default: each]",
 )
-@click.option("--postures", default=3, show_default=True, help="Random postures of each arm.")
-@click.option("--draws", default=300, show_default=True, help="Simulated measurements at each place.")
-@click.option("--force", default=20.0, show_default=True, help="Force for errors and link [N].")
-@click.option("--friction", default=0.0, show_default=True, help="Coefficient of friction of the pushes.")
-@click.option("--every", default=1, show_default=True, help="Simulate one of so many places.")
-@click.option("--seed", default=1, show_default=True, help="Of postures and noise.")
+@click.option(
+    "--postures", type=click.IntRange(1), default=3, show_default=True, help="Random postures of each arm."
+)
+@click.option(
+    "--draws",
+    type=click.IntRange(1),
+    default=300,
+    show_default=True,
+    help="Simulated measurements at each place.",
+)
+@click.option(
+    "--force",
+    type=FiniteRange(0.0, min_open=True),
+    default=20.0,
+    show_default=True,
+    help="Force for errors and link [N].",
+)
+@click.option(
+    "--friction",
+    type=FiniteRange(0.0),
+    default=0.0,
+    show_default=True,
+    help="Coefficient of friction of the pushes.",
+)
+@click.option(
+    "--every", type=click.IntRange(1), default=1, show_default=True, help="Simulate every n-th place only."
+)
+@click.option("--seed", default=1, show_default=True, help="Seed of postures and noise.")
 @click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
 def surface_map(
     names: tuple[str, ...],
@@ -93,7 +118,7 @@ def surface_map(
     seed: int,
     as_json: bool,
 ) -> None:
-    """Hold the predictions of `contactsense map` against simulated pushes that the localizer explains.
+    """Compare the predictions of `contactsense map` with simulated pushes that the localizer explains.
 
     Pushes act at every place of the map along the inward normal, and inclined with --friction. The readings
     get the noise of the sensors. Shown is the share of the surface on which the simulated smallest force and
@@ -160,7 +185,7 @@ def compare(
         friction: Coefficient of friction of the pushes for these.
         draws: Simulated measurements at each place.
         rng: Source of noise and inclinations.
-        every: Only one of so many places is simulated.
+        every: Only every n-th place is simulated.
     """
     predicted = detectability(scene, q, force=force, friction=friction, every=every)
     simulation = _Simulation(scene, q, predicted, draws, rng)
@@ -282,7 +307,7 @@ def _print(rows: list[dict[str, Any]]) -> None:
     table = Table(box=box.SIMPLE_HEAD)
     for heading in ("arm", "noise", "sensors"):
         table.add_column(heading, no_wrap=True)
-    for heading in ("force %", "error %", "told %", "named %", "named"):
+    for heading in ("force %", "error %", "predicted %", "named %", "named"):
         table.add_column(heading, justify="right")
     for row in rows:
         table.add_row(
@@ -300,7 +325,7 @@ def _print(rows: list[dict[str, Any]]) -> None:
     Console().print(table)
     click.echo(
         "force, error: surface on which simulation and map differ by at most 20 %\n"
-        "told: surface on which the map predicts an error\n"
+        "predicted: surface on which the map predicts an error\n"
         "named: surface on which the probabilities of naming the link differ by at most 0.1, and their mean "
         "difference\n"
         "wrist: joint torques and a wrist sensor, with a tool"

@@ -20,6 +20,7 @@ from contactsense.calibration.fourier_trajectory import FourierTrajectory
 from contactsense.calibration.parameters import Group, value
 from contactsense.robots.tool import Tool
 from contactsense.sensors.settings import Friction
+from contactsense.service.cli.finite_range import FiniteRange
 
 GROUPS: tuple[Group, ...] = ("payload", "bias", "coulomb", "viscous", "rotor", "gain", "wrench_bias", "delay")
 _NORMAL_95 = 1.96
@@ -100,9 +101,15 @@ def draw(rng: np.random.Generator) -> tuple[Scene, np.ndarray, Scene]:
 
 
 @click.command()
-@click.option("--runs", default=40, show_default=True, help="Simulated recordings.")
-@click.option("--seconds", default=20.0, show_default=True, help="Length of each [s].")
-@click.option("--rate", default=250.0, show_default=True, help="Samples a second [Hz].")
+@click.option("--runs", type=click.IntRange(1), default=40, show_default=True, help="Simulated recordings.")
+@click.option("--seconds", type=FiniteRange(4.0), default=20.0, show_default=True, help="Length of each [s].")
+@click.option(
+    "--rate",
+    type=FiniteRange(0.0, min_open=True),
+    default=250.0,
+    show_default=True,
+    help="Samples a second [Hz].",
+)
 @options.as_json
 def coverage(runs: int, seconds: float, rate: float, as_json: bool) -> None:
     """Calibrate simulated recordings and count how many true values lie in the stated 95 % intervals."""

@@ -34,6 +34,7 @@ from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import Motion, build_model, empty_motion
 from contactsense.runtime.result_rows import PROBABILITY
 from contactsense.scene import LinkPrior, Scene
+from contactsense.service.cli.finite_range import FiniteRange
 
 Draw = Literal["area", "link"]
 FORCES = (20.0, 150.0)
@@ -49,15 +50,15 @@ EXPONENTS = (0.5, 0.7, 1.0, 1.4, 2.0)
 """The probabilities are also scored after raising them to these powers: a best power below one would mean
 that the evidence counts errors as independent that are not."""
 FORCE_RANGES = 4
-"""Ranges of forces, equal in the logarithm, for which the share of felt touches is told."""
+"""Ranges of forces, equal in the logarithm, for which the share of detected touches is printed."""
 _SPACING = 0.01
-_POSITIVE = click.FloatRange(min=0.0, min_open=True)
+_POSITIVE = FiniteRange(0.0, min_open=True)
 _LEAST = 1e-6
 """Smaller probabilities are scored as this."""
 
 
 class Touch(NamedTuple):
-    """One touch, and what is said of it."""
+    """One touch, and the answer to it."""
 
     recording: str
     link: int
@@ -79,7 +80,7 @@ def touch(
     least: float = FORCES[0],
     seconds: float = 0.5,
 ) -> list[Touch]:
-    """Add touches to one recording, process it as a live stream, and judge each touch.
+    """Add touches to one recording, process it as a live stream, and evaluate each touch.
 
     Args:
         localizer: Of the calibrated arm, with joint torques.
@@ -198,8 +199,8 @@ def summarize(touches: list[Touch]) -> dict[str, Any]:
 
 
 def felt_shares(touches: list[Touch], edges: np.ndarray) -> dict[int, list[tuple[int, int]]]:
-    """Number of touches, and of those that are felt, for each touched link and each range of forces, whose
-    edges are given in ascending order [N]."""
+    """Number of touches, and of those that are detected, for each touched link and each range of forces,
+    whose edges are given in ascending order [N]."""
     links = sorted({found.link for found in touches})
     counts = {link: np.zeros((len(edges) - 1, 2), dtype=int) for link in links}
     for found in touches:
@@ -221,7 +222,7 @@ def felt_shares(touches: list[Touch], edges: np.ndarray) -> dict[int, list[tuple
 @click.option("--moving", is_flag=True, help="Only recordings in which the whole arm moves.")
 @click.option(
     "--least",
-    type=click.FloatRange(0.0, FORCES[1], min_open=True, max_open=True),
+    type=FiniteRange(0.0, FORCES[1], min_open=True, max_open=True),
     default=FORCES[0],
     show_default=True,
     help="Smallest force [N].",
@@ -250,7 +251,7 @@ def touches(
     as_json: bool,
 ) -> None:
     """Add known touches to the recordings of free motion in FOLDER that calibration has not seen, and test
-    the stated probability of the touched link. Each touch is judged after 60 % of its duration."""
+    the stated probability of the touched link. Each touch is evaluated after 60 % of its duration."""
     try:
         scene = calibrated_scene(folder, bandwidth).model_copy(update={"link_prior": link_prior})
         names = MOVING_FILES if moving else JOINTWISE + FREE
@@ -266,7 +267,7 @@ def touches(
     ):
         found += touch(localizer, recording, samples, draw, k, least, seconds)
     if not any(item.probability for item in found):
-        raise click.ClickException(f"--seeds {seeds}: expected touches that are felt, got none")
+        raise click.ClickException(f"--seeds {seeds}: expected at least one detected touch, got none")
     edges = np.geomspace(least, FORCES[1], FORCE_RANGES + 1)
     felt = felt_shares(found, edges)
     summary = summarize(found) | {
@@ -290,7 +291,7 @@ def touches(
 def _print(summary: dict[str, Any]) -> None:
     console, trust, sure = Console(width=110), summary["calibration"], summary["above_0.9"]
     console.print(
-        f"{summary['touches']} touches, {summary['answered']} felt; "
+        f"{summary['touches']} touches, {summary['answered']} detected; "
         f"the most probable link is touched in {100 * summary['right'] / summary['answered']:.1f} %, "
         f"stated {100 * summary['stated']:.1f} %\n"
         f"calibration error {100 * trust['error']:.1f} %; true probabilities: "
@@ -313,7 +314,7 @@ def _print(summary: dict[str, Any]) -> None:
     console.print(f"mean log probability of the touched link, probabilities to the power of {scores}")
     edges = summary["force_edges"]
     ranges = (f"{a:.0f} to {b:.0f} N" for a, b in pairwise(edges))
-    table = Table("touched link", *ranges, "smallest felt force, 95 % interval [N]", title="Felt")
+    table = Table("touched link", *ranges, "smallest detected force, 95 % interval [N]", title="Detected")
     for link, shares in summary["felt"].items():
         mean, low, high = summary["force_thresholds"][link]
         counts = (f"{felt} of {all_}" for all_, felt in shares)

@@ -44,7 +44,7 @@ class Made:
     force: float
     """[N]"""
     torque: float
-    """Torque of the joint that feels it most, mean over the push, in units of that joint's limit."""
+    """Torque of the joint that it loads most, mean over the push, in units of that joint's limit."""
     found: bool
     """Whether a stretch that was left out overlaps it."""
 
@@ -196,8 +196,12 @@ def summarize(runs: list[Run]) -> dict[str, Any]:
 
 
 @click.command("pushes")
-@click.option("--runs", default=20, show_default=True, help="Simulated motions with pushes.")
-@click.option("--free", default=0, show_default=True, help="Further motions without pushes.")
+@click.option(
+    "--runs", type=click.IntRange(1), default=20, show_default=True, help="Simulated motions with pushes."
+)
+@click.option(
+    "--free", type=click.IntRange(0), default=0, show_default=True, help="Further motions without pushes."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
 def bench_pushes(runs: int, free: int, as_json: bool) -> None:
     """Calibrate simulated motions with and without pushes: which are found, and what they do to the

@@ -21,6 +21,7 @@ from contactsense.benchmarks.calibration.setup_draws import (
     right_setup,
     wrong_setup,
 )
+from contactsense.service.cli.finite_range import FiniteRange
 from contactsense.setup_check import check
 
 LOADED = "ur-20_01_31-load"
@@ -30,7 +31,7 @@ _WRONG_SEEDS = 10_000
 
 
 def outcome(case: Case) -> dict[str, Any]:
-    """What the check says of one case: lines accused, in order, and lines that it cannot tell."""
+    """What the check reports of one case: wrong lines, in order, and undetermined lines."""
     found = check(case.scene, [case.recording])
     return {
         "accused": [item.line for item in found.wrong],
@@ -105,17 +106,31 @@ def _print_real(result: dict[str, Any], as_json: bool) -> None:
         return
     for name, said in result.items():
         told = "; ".join(said["does not fit"] + said["unexplained"]) or "nothing contradicts the scene"
-        click.echo(f"{name}: {told}; {said['cannot be told']} of {said['lines']} lines cannot be told")
+        click.echo(f"{name}: {told}; {said['cannot be told']} of {said['lines']} lines are undetermined")
 
 
 @click.command()
 @click.option("--arm", "arms", multiple=True, default=("ur5e", "ur10e"), show_default=True, help="Arms.")
-@click.option("--draws", default=20, show_default=True, help="Cells per mistake and arm.")
-@click.option("--right", default=200, show_default=True, help="Cells without a mistake.")
-@click.option("--seconds", default=Settings.seconds, show_default=True, help="Length of the motion [s].")
+@click.option(
+    "--draws", type=click.IntRange(0), default=20, show_default=True, help="Cells per mistake and arm."
+)
+@click.option(
+    "--right", type=click.IntRange(0), default=200, show_default=True, help="Cells without a mistake."
+)
+@click.option(
+    "--seconds",
+    type=FiniteRange(0.0, min_open=True),
+    default=Settings.seconds,
+    show_default=True,
+    help="Length of the motion [s].",
+)
 @click.option("--speed", default=Settings.speed, show_default=True, help="RMS speed of each joint [rad/s].")
 @click.option(
-    "--postures", default=0, show_default=True, help="Rest in so many postures instead of steady motion."
+    "--postures",
+    type=click.IntRange(0),
+    default=0,
+    show_default=True,
+    help="Number of postures at rest, instead of steady motion; 0: steady motion.",
 )
 @click.option(
     "--sensor",
@@ -140,7 +155,7 @@ def setup(
     as_json: bool,
 ) -> None:
     """Draw simulated cells with one mistake in the scene, and with none, and count the lines that
-    `contactsense check` accuses."""
+    `contactsense check` reports as wrong."""
     if recordings is not None:
         _print_real(real(recordings), as_json)
         return
@@ -162,5 +177,7 @@ def setup(
         only = sum(counts["alone"] for counts in by_arm.values())
         table.add_row(kind, *cells, f"{only} of {draws * len(arms)}")
     Console(width=80).print(table)
-    click.echo(f"right line named first: {named} of {total}; and no other line accused: {alone} of {total}")
-    click.echo(f"right setups accused: {len(result['right_accused'])} of {right}")
+    click.echo(
+        f"right line named first: {named} of {total}; and no other line reported as wrong: {alone} of {total}"
+    )
+    click.echo(f"right setups with a line reported as wrong: {len(result['right_accused'])} of {right}")

@@ -41,7 +41,8 @@ class Settings:
     speed: float = 0.3
     """Root mean square of each joint's velocity [rad/s]."""
     postures: int = 0
-    """If positive, the arm rests in so many postures for half of the time, instead of steady motion."""
+    """If positive, the arm rests in this number of postures for half of the time, instead of steady
+    motion."""
     inertia_error: float = 0.03
     """Standard deviation of each link's true mass about the robot's data, relative; its centre of mass moves
     by the same fraction of the radius of gyration."""

@@ -20,16 +20,25 @@ from contactsense.service.analysis.fleet.report import write_fleet_report
 from contactsense.service.analysis.fleet.run import analyze_fleet
 from contactsense.service.analysis.fleet.summary import FleetSummary
 from contactsense.service.analysis.fleet.worker_pool import run_tasks
+from contactsense.service.cli.finite_range import FiniteRange
 
 MANY = 100_000
 """Number of recordings that the times are extrapolated to."""
 
 
 @click.command("fleet")
-@click.option("--recordings", type=click.IntRange(1), default=1000, show_default=True, help="How many.")
-@click.option("--robots", type=click.IntRange(1), default=10, show_default=True, help="Of how many robots.")
-@click.option("--seconds", type=click.FloatRange(8.0), default=30.0, show_default=True, help="Of each.")
-@click.option("--workers", type=click.IntRange(1), default=2, show_default=True, help="Processes.")
+@click.option(
+    "--recordings", type=click.IntRange(1), default=1000, show_default=True, help="Number of recordings."
+)
+@click.option("--robots", type=click.IntRange(1), default=10, show_default=True, help="Number of robots.")
+@click.option(
+    "--seconds",
+    type=FiniteRange(8.0),
+    default=30.0,
+    show_default=True,
+    help="Length of each recording [s].",
+)
+@click.option("--workers", type=click.IntRange(1), default=2, show_default=True, help="Number of processes.")
 @click.option(
     "--out", required=True, type=click.Path(path_type=Path, file_okay=False),
     help="Folder for dataset and results; what is there of an earlier run is replaced.",

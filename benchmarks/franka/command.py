@@ -24,7 +24,7 @@ FIXED_THRESHOLD = 0.2
 
 
 class Answers(NamedTuple):
-    """What is said of N touches."""
+    """Answers for N touches."""
 
     named: np.ndarray
     """Whether the most probable link is the touched one, shape (N,), bool."""

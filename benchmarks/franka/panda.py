@@ -39,7 +39,7 @@ def load() -> Robot:
 
 
 def scene(false_alarms_per_hour: float, link_prior: LinkPrior = "area") -> Scene:
-    """The arm with its external joint torques alone. The base link cannot be touched: no joint feels it.
+    """The arm with its external joint torques alone. The base link cannot be touched: no joint measures it.
 
     Args:
         false_alarms_per_hour, link_prior: See `Scene`.

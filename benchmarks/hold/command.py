@@ -14,13 +14,14 @@ from rich.table import Table
 from contactsense import Localizer
 from contactsense.benchmarks import options
 from contactsense.benchmarks.hold.simulate import CASES, SLIDE, Case, Finger, scene_of, stream
+from contactsense.service.cli.picture_file import picture_file
 
 TIMES = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 4.0)
 """Holding times [s]."""
 
 
 @click.command()
-@click.option("--runs", default=20, show_default=True, help="Streams of each kind.")
+@click.option("--runs", type=click.IntRange(1), default=20, show_default=True, help="Streams of each kind.")
 @click.option("--picture", type=click.Path(path_type=Path), help="Draw both into this picture (PNG or SVG).")
 @options.as_json
 def hold(runs: int, picture: Path | None, as_json: bool) -> None:
@@ -39,13 +40,10 @@ def hold(runs: int, picture: Path | None, as_json: bool) -> None:
     trace = slid(Localizer(scene_of(SLIDE)), finger)
     results = {"times": TIMES, "held": found, "slide": slide_summary(trace)}
     if picture is not None:
-        try:
+        with picture_file(picture):
             from contactsense.benchmarks.hold.picture import draw
-        except ImportError as error:
-            raise click.ClickException(
-                f"the picture needs matplotlib: pip install contactsense[geometry] ({error})"
-            ) from None
-        draw(found, trace, picture)
+
+            draw(found, trace, picture)
     if as_json:
         click.echo(json.dumps(results, indent=1))
     else:

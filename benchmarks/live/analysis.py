@@ -16,6 +16,7 @@ from rich.table import Table
 from contactsense import Localizer, Scene
 from contactsense.benchmarks import options
 from contactsense.service.analysis import analyze as run
+from contactsense.service.cli.finite_range import FiniteRange
 from contactsense.service.mock.script import Script
 from contactsense.service.mock.simulated_arm import Motion, simulate
 from contactsense.service.recordings import read
@@ -28,7 +29,7 @@ machine can only add to it."""
 
 @click.command("analyze")
 @click.option(
-    "--minutes", type=click.FloatRange(0.5), default=5.0, show_default=True, help="Length of a file."
+    "--minutes", type=FiniteRange(0.5), default=5.0, show_default=True, help="Length of a file [min]."
 )
 @options.as_json
 def analyze(minutes: float, as_json: bool) -> None:

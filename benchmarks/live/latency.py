@@ -13,6 +13,7 @@ import numpy as np
 
 from contactsense.benchmarks.live import reaction_latency, track_latency
 from contactsense.service.api.client import Client, ClientError
+from contactsense.service.cli.finite_range import FiniteRange
 from contactsense.service.demo.child_process import ChildError
 from contactsense.service.demo.processes import Stage
 from contactsense.service.mock.rtde_server import RATE
@@ -94,7 +95,7 @@ def collect(
 
 @click.command()
 @click.option(
-    "--seconds", default=20.0, show_default=True, type=click.FloatRange(1.0), help="How long to read."
+    "--seconds", default=20.0, show_default=True, type=FiniteRange(1.0), help="How long to read [s]."
 )
 @click.option(
     "--reaction",

@@ -18,6 +18,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus, WebSocketExce
 from websockets.sync.client import connect
 
 from contactsense.service.api.client import Client, ClientError
+from contactsense.service.cli.finite_range import FiniteRange
 from contactsense.service.demo.child_process import ChildError
 from contactsense.service.demo.processes import Stage
 from contactsense.service.mock.rtde_server import RATE
@@ -235,7 +236,9 @@ def _compare(readers: list[_EventReader]) -> tuple[int | None, int | None]:
 
 
 @click.command()
-@click.option("--minutes", default=10.0, show_default=True, type=click.FloatRange(0.1), help="For how long.")
+@click.option(
+    "--minutes", default=10.0, show_default=True, type=FiniteRange(0.1), help="How long to run [min]."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the numbers as JSON.")
 def soak(minutes: float, as_json: bool) -> int:
     """Run for minutes at 500 Hz with readers that connect, disconnect and stall: losses, memory, events.

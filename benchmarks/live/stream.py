@@ -22,6 +22,7 @@ import click
 import numpy as np
 
 from contactsense.scene import Scene
+from contactsense.service.cli.finite_range import FiniteRange
 from contactsense.service.mock.rtde_server import RATE
 from contactsense.service.mock.sent_log import SentLog
 from contactsense.service.mock.servers import MockServers, MockSettings
@@ -222,7 +223,7 @@ def _collect(
 
 @click.command()
 @click.option(
-    "--seconds", default=60.0, show_default=True, type=click.FloatRange(1.0), help="How long to read."
+    "--seconds", default=60.0, show_default=True, type=FiniteRange(1.0), help="How long to read [s]."
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the numbers as JSON.")
 def stream(seconds: float, as_json: bool) -> int:

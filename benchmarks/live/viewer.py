@@ -23,6 +23,7 @@ from contactsense.benchmarks.browser import BrowserError, browser_page
 from contactsense.benchmarks.live.latency import collect
 from contactsense.benchmarks.live.viewer_clients import Pages, pages
 from contactsense.service.api.client import Client, ClientError
+from contactsense.service.cli.finite_range import FiniteRange
 from contactsense.service.demo.child_process import ChildError, child
 from contactsense.service.demo.processes import Stage
 from contactsense.service.mock.rtde_server import RATE
@@ -71,7 +72,7 @@ class Stretch:
     frames: float
     """Poses of the arm a second, at the page that receives the fewest; NaN without pages."""
     core: float
-    """Share of a processor core that the viewer takes; NaN where the system does not tell."""
+    """Share of a processor core that the viewer takes; NaN where the system does not report it."""
 
 
 def measure(seconds: float, rounds: int, browser: bool) -> list[Stretch]:
@@ -142,7 +143,7 @@ def _stretch(
 
 
 def _processor_time(process: int | None) -> float:
-    """Processor time that a process has taken so far [s]; NaN where the system does not tell."""
+    """Processor time that a process has taken so far [s]; NaN where the system does not report it."""
     try:
         fields = Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()
     except OSError:
@@ -176,7 +177,7 @@ def table(found: Sequence[Stretch]) -> Iterator[str]:
 
 @click.command()
 @click.option(
-    "--seconds", default=20.0, show_default=True, type=click.FloatRange(1.0), help="Length of a stretch."
+    "--seconds", default=20.0, show_default=True, type=FiniteRange(1.0), help="Length of a stretch."
 )
 @click.option(
     "--rounds", default=5, show_default=True, type=click.IntRange(1), help="How often each case is measured."

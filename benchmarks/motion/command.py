@@ -30,6 +30,7 @@ from contactsense.benchmarks.motion.score import AGES, Answer, Score
 from contactsense.benchmarks.motion.streams import KINDS, SUITES, Stream, read, redrawn
 from contactsense.residuals.momentum_observer import noise_variance_ratio
 from contactsense.sensors.settings import Friction
+from contactsense.service.cli.finite_range import FiniteRange
 
 
 @click.command()
@@ -42,7 +43,11 @@ from contactsense.sensors.settings import Friction
 @click.option(
     "--sensors", type=click.Choice(list(SENSORS)), default="all", show_default=True, help="Sensors in use."
 )
-@click.option("--bandwidth", type=float, help="Cut-off of the observer [Hz]; default: the scene's.")
+@click.option(
+    "--bandwidth",
+    type=FiniteRange(0.0, min_open=True),
+    help="Cut-off of the observer [Hz]; default: the scene's.",
+)
 @click.option(
     "--over-time", is_flag=True, help="Print how link, error and ambiguity change while a contact lasts."
 )

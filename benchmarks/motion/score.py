@@ -25,7 +25,7 @@ AGES = (0.02, 0.1, 0.3, 1.0)
 
 
 class Answer(NamedTuple):
-    """What was said of a contact at a certain time after its onset."""
+    """The answer for a contact at a certain time after its onset."""
 
     age: float
     """One of `AGES`."""

@@ -59,7 +59,7 @@ class Comparison:
     scene does; infinite if two contacts act, if the contact is too short for windows or without a base
     sensor [m]."""
     limit: float
-    """Error of the one that is told the real surface [m]."""
+    """Error of the one that knows the real surface [m]."""
     live_all: list[float]
     """Errors of all live answers [m]."""
     whole_all: list[float]

@@ -8,7 +8,7 @@ biases once force and torsion are eliminated, and g the gradient at the true pla
 of the maximum of the posterior for a small distance from the truth, which holds by construction. Its
 covariance S^-1 is the Cramér-Rao bound.
 
-One oracle is told the real surface. The other one knows what the estimator knows: the scene's primitives and
+One oracle knows the real surface. The other one knows what the estimator knows: the scene's primitives and
 their standard deviation from the real surface. Its place starts on the primitives at the point nearest to the
 truth, with the normal there, and has unknown offsets along the normals with that prior; the distance of the
 real surface from them is part of its error.

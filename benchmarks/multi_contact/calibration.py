@@ -23,6 +23,7 @@ from contactsense.benchmarks.multi_contact.calibration_verdict import Verdict, i
 from contactsense.benchmarks.multi_contact.measure import Scenario, localizer_for
 from contactsense.benchmarks.multi_contact.mesh_trials import MeshTrials
 from contactsense.benchmarks.multi_contact.trials import Trial, Trials
+from contactsense.service.cli.finite_range import FiniteRange
 
 SCENARIOS = {
     "forces held": Scenario("one_by_one", 0.5),
@@ -44,13 +45,14 @@ def judge(
     seed: int = 1,
     tick: Callable[[], object] = lambda: None,
 ) -> Iterator[Verdict | None]:
-    """Verdicts on trials with so many contacts on different links; None without an answer with so many.
+    """Verdicts on trials with this number of contacts on different links; None without an answer with that
+    number.
 
-    An answer with fewer is not judged: how often there are several contacts is the scene's to say, and here
-    there always are.
+    An answer with fewer is not evaluated: how often there are several contacts is the scene's to say, and
+    here there always are.
 
-    One by one, only trials are judged in which the best explanation of the earlier contacts is the true one:
-    they are taken as known.
+    One by one, only trials are evaluated in which the best explanation of the earlier contacts is the true
+    one: they are taken as known.
 
     Args:
         localizer: See `contactsense.benchmarks.multi_contact.measure.localizer_for`.
@@ -121,15 +123,28 @@ def _locate(
 @click.command()
 @options.robots
 @click.option("--contacts", type=click.IntRange(2, 3), multiple=True, default=(2,), help="May be repeated.")
-@click.option("--trials", type=click.IntRange(1), default=400, show_default=True, help="Of each kind.")
-@click.option("--force", type=float, default=20.0, show_default=True, help="Size of each force [N].")
-@click.option("--seed", default=1, show_default=True, help="Tune with one, judge with another.")
+@click.option(
+    "--trials", type=click.IntRange(1), default=400, show_default=True, help="Number of trials of each kind."
+)
+@click.option(
+    "--force",
+    type=FiniteRange(0.0, min_open=True),
+    default=20.0,
+    show_default=True,
+    help="Size of each force [N].",
+)
+@click.option(
+    "--seed",
+    default=1,
+    show_default=True,
+    help="Seed of the random numbers: tune with one, evaluate with another.",
+)
 @click.option(
     "--arriving", type=click.Choice(list(SCENARIOS)), multiple=True, default=tuple(SCENARIOS),
     help="What is known before the last contact; may be repeated.",
 )  # fmt: skip
 @click.option(
-    "--drift", type=click.FloatRange(0.0, min_open=True), default=0.5, show_default=True,
+    "--drift", type=FiniteRange(0.0, min_open=True), default=0.5, show_default=True,
     help="Change of each component of the held forces [N].",
 )  # fmt: skip
 @click.option(
@@ -159,7 +174,7 @@ def calibration_several(
     """Compare what is stated about several contacts with what is right.
 
     The contacts are those of `contactsense bench several`, or with --truth at places on the meshes. Answers
-    with the right number of contacts are judged. One by one, only trials are judged in which the best
+    with the right number of contacts are evaluated. One by one, only trials are evaluated in which the best
     explanation of the earlier contacts is the true one: the answer takes them as known.
 
     \b

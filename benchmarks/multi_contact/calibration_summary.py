@@ -23,7 +23,7 @@ class Summary(NamedTuple):
     samples: int
     """Estimates."""
     counted: float
-    """Fraction of them with that number of contacts. Only these are judged."""
+    """Fraction of them with that number of contacts. Only these are evaluated."""
     answer: Reliability
     earlier: Share
     """Fraction of the contacts before the last whose region contains the truth."""

@@ -77,7 +77,7 @@ def _ratio(force: np.ndarray, normal: np.ndarray) -> float:
 @click.command()
 @click.option("--robot", "names", multiple=True, default=("ur5e",), help="Arm by name, panda, or a URDF.")
 @click.option("--runs", default=200, show_default=True, help="Postures with three contacts each.")
-@click.option("--seed", default=0, show_default=True, help="Of everything random.")
+@click.option("--seed", default=0, show_default=True, help="Seed of the random numbers.")
 @click.option("--drift", default=HELD, show_default=True, help="How well the earlier forces are known [N].")
 def main(names: tuple[str, ...], runs: int, seed: int, drift: float) -> None:
     """Print every missed contact beside the true one."""

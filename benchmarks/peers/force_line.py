@@ -1,7 +1,7 @@
 """Force line of the base sensor, link by the last loaded joint.
 
 The oldest method and, with better sensors, the one used at DLR (Iskandar et al. 2021, 2024; Eberman &
-Salisbury 1989 for the line of a hand's force): beyond the touched link no joint feels the contact, so the
+Salisbury 1989 for the line of a hand's force): beyond the touched link no joint measures the contact, so the
 link is the one after the last joint whose torque exceeds a threshold, and the contact lies where the line of
 the force measured at the base enters that link's surface.
 """

@@ -12,7 +12,7 @@ PRINTED = ROOT / "build" / "results"
 
 
 def source_version(folder: Path) -> str:
-    """The commit and all changes since, but for those in docs; empty where git does not tell."""
+    """The commit and all changes since, but for those in docs; empty where git does not provide it."""
     commands = ("git rev-parse HEAD", "git diff HEAD -- . :!docs")
     try:
         found = [

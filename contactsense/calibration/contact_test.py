@@ -42,7 +42,7 @@ _MARGIN = 0.25
 _PAUSE = 0.5
 """Contacts closer to each other than this are one [s]."""
 _FELT = 4.0
-"""A contact is felt by the channels beyond this many standard deviations, at rest by the joints whose torque
+"""A contact appears on the channels beyond this many standard deviations, at rest by the joints whose torque
 changes by more than Coulomb friction."""
 
 
@@ -59,8 +59,8 @@ class SuspectedContact:
     last_row: int
     """Rows of the file, from 0."""
     channels: tuple[int, ...]
-    """Equations that feel it, strongest first: joints, then n + 0..5 for the base wrench, then six for each
-    sensor within the arm."""
+    """Equations in which it appears, strongest first: joints, then n + 0..5 for the base wrench, then six
+    for each sensor within the arm."""
     peak: tuple[float, ...]
     """Largest residual of each, averaged over a window [Nm, or N for a force]."""
 

@@ -144,7 +144,9 @@ class _Search:
         joints = scene.robot.joints
         n = len(joints)
         if settings.home is None and n != len(_HOME):
-            raise CalibrationError(f"home: expected a posture for {scene.robot.name}, got none")
+            raise CalibrationError(
+                f"home: expected {n} angles, the mean posture of {scene.robot.name}, got none"
+            )
         home = np.array(_HOME if settings.home is None else settings.home, dtype=float)
         if home.shape != (n,):
             raise CalibrationError(f"home: expected {n} angles, got {home.size}")
@@ -157,10 +159,9 @@ class _Search:
         self._max_speed = settings.speed * np.array([joint.velocity_limit for joint in joints])
         self._max_torque = settings.torque * np.array([joint.torque_limit for joint in joints])
         self._clearance = Clearance(scene, home, settings.clearance)
+        which = "the default posture, that of UR arms," if settings.home is None else "this posture"
         if self._clearance.lowest(home[None])[0] < settings.floor:
-            raise CalibrationError(
-                f"home: this posture is lower than {settings.floor:g} m above the base plane"
-            )
+            raise CalibrationError(f"home: {which} is lower than {settings.floor:g} m above the base plane")
 
     def draw(self, rng: np.random.Generator) -> FourierTrajectory:
         """A random trajectory at the largest speed of every joint, feasible or not."""

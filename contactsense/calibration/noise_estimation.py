@@ -21,7 +21,7 @@ from contactsense.calibration.robust_least_squares import MAD_SCALE
 _AVERAGING_TIME = 0.5
 """Averages over this time contain only the slow part [s]."""
 _TAIL, _TAIL_SIGMA = 0.999, 3.29
-"""Of a Gaussian variable, this share is within so many standard deviations."""
+"""Of a Gaussian variable, this share is within this number of standard deviations."""
 _REST_VELOCITIES = (0.01, 0.02, 0.05, 0.1, 0.2)
 """Candidates for the velocity below which friction is uncertain [rad/s]."""
 _INERTIA_TORQUE_ERRORS = (0.0, *(float(e) for e in np.round(np.geomspace(0.01, 0.3, 18), 4)))

@@ -23,7 +23,7 @@ STANDSTILL = 1e-6
 class TouchedBody:
     """Names the bodies of one scene.
 
-    The sensors cannot tell an obstacle from anything else that pushes at the same place in the same
+    The sensors cannot distinguish an obstacle from anything else that pushes at the same place in the same
     direction: the name says that the obstacle explains the contact.
     """
 

@@ -20,7 +20,7 @@ For a stream also phase and number of its contact, and which residuals were usab
 
 
 class Answer(NamedTuple):
-    """The candidates, and of the first one everything that an estimate tells, each in one piece."""
+    """The candidates, and of the first one everything that an estimate reports, each in one piece."""
 
     rows: Annotated[Floats, f"max(primitives, {MAX_CANDIDATES}), {WIDTH}"]
     """All candidates, see `contactsense.runtime.result_rows`."""

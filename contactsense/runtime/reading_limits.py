@@ -1,5 +1,6 @@
 """Limits of readings as the kernels test them: a test that ordinary readings pass, in the time of a few
-comparisons. What does not pass is judged by `contactsense.runtime.plausibility`, which says what is wrong."""
+comparisons. What does not pass is checked by `contactsense.runtime.plausibility`, which says what is
+wrong."""
 
 import math
 from typing import Annotated, NamedTuple

@@ -21,7 +21,7 @@ _NOISE = 5.0
 _AT_REST = 0.01
 """No joint of an arm at rest is faster [rad/s]."""
 _SAMPLES = 10
-"""After so many consecutive samples at rest with the right weight, it is not checked again."""
+"""After this number of consecutive samples at rest with the right weight, it is not checked again."""
 
 
 class StreamScreening:

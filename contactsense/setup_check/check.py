@@ -3,7 +3,7 @@ determine.
 
 Every hypothesis changes one line and is fitted with all nuisances. The best of them is accepted if the
 evidence for it is strong and its change matters; the search then continues from the corrected setup, as
-several lines may be wrong. What the last round has not accepted is judged by how well the motion determines
+several lines may be wrong. What the last round has not accepted is assessed by how well the motion determines
 it.
 """
 
@@ -42,14 +42,14 @@ from contactsense.setup_check.sensor_findings import (
 from contactsense.setup_check.setup import Free, Kind, Setup
 
 _EVIDENCE = 30.0
-"""A line is accused if twice the log likelihood rises by more than this beyond the penalty: for one free
-parameter a chance of 1e-7."""
+"""A line is reported as wrong if twice the log likelihood rises by more than this beyond the penalty: for
+one free parameter a chance of 1e-7."""
 _EXCLUDED = 20.0
 """Another value is excluded if twice the log likelihood falls by more than this."""
 _MIN_DROP = 0.1
 """The residual of a sensor must fall by this fraction: what leaves it as it is does not explain it."""
 _MOST = 3
-"""Most lines that are accused."""
+"""Largest number of lines that are reported as wrong."""
 _REFINED = 2
 """Starts from which continuous parameters are fitted."""
 _TOLERANCE: dict[Kind, float] = {
@@ -60,9 +60,9 @@ _TOLERANCE: dict[Kind, float] = {
     "shift": 0.01,
     "delay": 0.003,
 }
-"""Changes below this do not matter [rad, m, s, kg]; larger standard deviations tell nothing."""
+"""Changes below this do not matter [rad, m, s, kg]; larger standard deviations determine nothing."""
 _MIN_ROWS = 8
-"""Fewer tell nothing."""
+"""Fewer are not enough."""
 _NOISE_FACTOR, _SHARE, _SCALE = 5.0, 0.3, 0.03
 """A signal is unexplained if its residual exceeds its noise by this factor, and this share of its own
 variation, and of the joints' limits or the weight of what the sensor carries."""
@@ -126,16 +126,16 @@ def check(
             and fitter.cost(c.fit) - fitter.cost(best.fit) < _EXCLUDED
             and _matters(now.setup, c.fit)
         )
-        _accuse(wrong, _accusation(fitter, scene, now, best, rivals))
+        _report(wrong, _wrong_line(fitter, scene, now, best, rivals))
         setup = best.fit.setup
     own = [*range_findings(scene, recordings, setup, saturated), *bias_findings(scene, now)]
     wrong += [found for found in own if found.verdict == "does_not_fit"]
-    accused = {found.line for found in wrong}
+    reported = {found.line for found in wrong}
     unexplained = _unexplained(scene, fitter, readings, now)
     rest = [
         _judged(fitter, scene, now, candidate)
         for candidate in candidates
-        if not _covered(candidate.hypothesis.line, accused)
+        if not _covered(candidate.hypothesis.line, reported)
     ]
     rest += [found for found in own if found.verdict != "does_not_fit"]
     rest += _not_recorded(scene, setup, readings, saturated)
@@ -242,7 +242,7 @@ def _change(group: Free, a: Setup, b: Setup) -> float:
     return abs(one.delay - other.delay)
 
 
-def _accusation(
+def _wrong_line(
     fitter: Fitter, scene: Scene, now: Fit, best: _Candidate, rivals: tuple[Line, ...]
 ) -> Finding:
     line = best.hypothesis.line
@@ -264,7 +264,7 @@ def _accusation(
     )
 
 
-def _accuse(wrong: list[Finding], new: Finding) -> None:
+def _report(wrong: list[Finding], new: Finding) -> None:
     """Add a finding, or correct the earlier one of the same line."""
     for i, earlier in enumerate(wrong):
         if earlier.line == new.line:
@@ -292,17 +292,17 @@ def _not_recorded(
     ]
 
 
-def _covered(line: Line, accused: set[Line]) -> bool:
-    """Whether an accusation already says what is to be said of a line."""
+def _covered(line: Line, reported: set[Line]) -> bool:
+    """Whether a finding already covers a line."""
     return (
-        line in accused
-        or (line == "tool" and bool(accused & {"tool.mass", "tool.com"}))
-        or (line in ("tool.mass", "tool.com") and "tool" in accused)
+        line in reported
+        or (line == "tool" and bool(reported & {"tool.mass", "tool.com"}))
+        or (line in ("tool.mass", "tool.com") and "tool" in reported)
     )
 
 
 def _judged(fitter: Fitter, scene: Scene, now: Fit, candidate: _Candidate) -> Finding:
-    """Whether the motion determines a line that is not accused."""
+    """Whether the motion determines a line that is not reported as wrong."""
     line = candidate.hypothesis.line
     fits = [candidate.fit, *candidate.others]
     distinct = [found for found in fits if _matters(now.setup, found)]

@@ -22,7 +22,7 @@ TORQUE_LINES: tuple[Line, ...] = ("joint_torque.sign", "joint_torque.signal", "j
 
 
 def lines(scene: Scene) -> tuple[Line, ...]:
-    """All lines of a scene that can be judged, in the order in which they are reported."""
+    """All lines of a scene that can be checked, in the order in which they are reported."""
     sensors = [line for field in wrench_fields(scene) for line in sensor_lines(scene, field)]
     return (*_ARM, *sensors, *TORQUE_LINES)
 

@@ -29,7 +29,7 @@ class Instants:
     """Which samples of one recording are used."""
 
     every: int
-    """The motion is followed at every so many samples: it is smooth, unlike the readings."""
+    """The motion is followed at every n-th sample: it is smooth, unlike the readings."""
     keep: slice
     """All nodes, among those samples."""
     nodes: np.ndarray

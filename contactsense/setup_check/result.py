@@ -46,7 +46,7 @@ class Finding:
     proposed: str | None = None
     """The value that fits, where the scene's does not."""
     remark: str = ""
-    """How the mistake may have arisen; or why nothing can be told."""
+    """How the mistake may have arisen; or why it is undetermined."""
     std: tuple[float, ...] = ()
     """Standard deviations of a line with continuous values, in SI units; empty for others."""
     before: Residuals | None = None

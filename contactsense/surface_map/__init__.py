@@ -1,1 +1,2 @@
-"""Surface map: what a set of sensors can tell about a push on each place of the arm, from covariances."""
+"""Surface map: what a set of sensors can determine about a push on each place of the arm, from
+covariances."""

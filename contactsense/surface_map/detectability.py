@@ -27,12 +27,12 @@ from contactsense.surface_map.sensor_response import sensor_response
 from contactsense.surface_map.smallest_force import detected_size, smallest_force
 
 MIN_NAMED = 0.2
-"""Share of answers on the link below which the map tells no error: a dozen answers have no median."""
+"""Share of answers on the link below which the map gives no error: a dozen answers have no median."""
 
 
 @with_attributes
 class LinkDetectability(NamedTuple):
-    """One link of a map. Quantiles are by area; infinite where sensors cannot tell."""
+    """One link of a map. Quantiles are by area; infinite where the sensors do not determine them."""
 
     link: str
     """Name of the link."""
@@ -48,7 +48,8 @@ class LinkDetectability(NamedTuple):
 
 @with_attributes
 class Detectability(NamedTuple):
-    """N places of the touchable surface in one posture. Base frame; infinite where sensors cannot tell."""
+    """N places of the touchable surface in one posture. Base frame; infinite where the sensors do not
+    determine them."""
 
     link_names: tuple[str, ...]
     """Names of all links."""
@@ -124,7 +125,7 @@ def detectability(
         friction: Coefficient of friction of the pushes for errors and link probability: their inclinations
             are uniform in the friction cone, with the scene's torsion; 0: along the inward normal, without
             torsion.
-        every: Only one of so many places: a coarser map in less time.
+        every: Compute only every n-th place: a coarser map in less time.
 
     Raises:
         ValueError: an argument is wrong; the message names the field.

@@ -104,7 +104,7 @@ def meshes_of(robot: Robot, folder: Path | None = None) -> dict[str, trimesh.Tri
 def _of_chain(chain: Chain, folder: Path | None) -> dict[str, trimesh.Trimesh]:
     meshes = chain.meshes() if folder is None else from_folder(folder, chain.robot.link_names)
     if not meshes:
-        raise RobotError(f"{chain.path}: no link has a visual shape")
+        raise RobotError(f"{chain.path}: no link has a visual shape; --meshes names a folder of meshes")
     return meshes
 
 

@@ -35,7 +35,7 @@ ELLIPSOID = 1
 BOX = 2
 
 SAME_NORMAL = 1e-8
-"""Sine of the angle below which two normals count as one, to tell a face from the rim beside it."""
+"""Sine of the angle below which two normals count as one, to distinguish a face from the adjacent rim."""
 
 TOUCHING = 1e-9
 """Distance from a core [m] below which the direction away from it is only rounding."""

@@ -184,7 +184,7 @@ class AnalysisRun:
 
     @property
     def complaints(self) -> tuple[str, ...]:
-        """What the last recording tells against sensors and scene, one sentence each."""
+        """What in the last recording contradicts sensors and scene, one sentence each."""
         doubt = self.localizer.doubt
         return (*self.localizer.refusals, *((doubt,) if doubt else ()))
 

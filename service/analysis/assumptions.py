@@ -12,7 +12,9 @@ def assumptions(scene: Scene) -> list[str]:
     ]
     base, torque = scene.base_wrench, scene.joint_torque
     if base is None:
-        found.append("No sensor under the base: places are known only as far as joint torques tell them.")
+        found.append(
+            "No sensor under the base: places are known only as far as joint torques determine them."
+        )
     else:
         found.append(
             f"Base sensor: white noise of {base.force_noise:g} N and {base.moment_noise:g} Nm per sample."

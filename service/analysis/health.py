@@ -8,7 +8,7 @@ from contactsense.service.analysis.analysis import Analysis
 TOO_LARGE = 1.3
 """Residuals larger than this many standard deviations indicate a wrong model or wrong noise."""
 UNJUDGED = "no sample could be used: whether anything touched the arm is not known"
-"""What is said of a recording without a usable sample."""
+"""What is reported of a recording without a usable sample."""
 MISLEADING = 3.0
 """Residuals larger than this many standard deviations make contacts of what is none. The thresholds of the
 onset are at most six standard deviations of the stated noise; where residuals are three times as large, that

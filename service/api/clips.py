@@ -144,7 +144,7 @@ class Clips:
     def _resume(self) -> None:
         """A process has started that writes clips and recording; it has forgotten those of the one before.
 
-        Commands that came while the first one was loading are yet to be read by it.
+        Commands that arrived while the first one was loading have not been read by it yet.
         """
         for clip in self.clips.values():
             if self._started and clip.file is None and not clip.error:

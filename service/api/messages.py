@@ -143,7 +143,7 @@ class EstimateOut(BaseModel):
         None,
         description="Smallest force that the usable sensors detect with probability 0.9, wherever and in "
         "whichever direction it acts on the arm, while it is held [N]; null where no force is sure to be "
-        "detected, as with joint torques alone. It tells what the status none rules out.",
+        "detected, as with joint torques alone. It is what the status none rules out.",
     )
     reason: str = Field(description="Why the status is what it is, where that is not plain.")
     q: list[float | None] | None = Field(
@@ -239,7 +239,7 @@ class PipelineHealth(BaseModel):
     """State of the process that turns samples into estimates."""
 
     alive: bool = Field(False, description="Whether it runs and answers.")
-    restarts: int = Field(0, description="How often it had to be started again.")
+    restarts: int = Field(0, description="How often it was restarted.")
     scheduling: Literal["real time", "short slices", "normal"] = Field(
         "normal",
         description="How urgently the system lets it run; reactions are in time on a busy computer only "
@@ -308,7 +308,7 @@ class HealthOut(BaseModel):
         description="Computed at each request. ok: samples arrive and are estimated; degraded: they are, "
         "but something is missing or wrong, see reasons; starting: kernels are being loaded; waiting: no "
         "usable samples, sensors are tried again all the time; failing: the pipeline itself broke or hangs "
-        "and is started again; idle: no robot was named, only POST /v1/locate works."
+        "and is being restarted; idle: no robot is configured, only POST /v1/locate works."
     )
     message: str = Field(description="The same for a person, with what to do about it.")
     reasons: list[str] = Field(description="The parts of message, one for each thing that is wrong.")

@@ -65,7 +65,7 @@ class ServiceCollector(Collector):
     def _counters(health: HealthOut) -> Iterator[Metric]:
         source, pipeline, clients = health.source, health.pipeline, health.clients
         for name, help_text, count in (
-            ("pipeline_restarts", "How often the pipeline was started again.", pipeline.restarts),
+            ("pipeline_restarts", "How often the pipeline was restarted.", pipeline.restarts),
             ("estimates", "Estimates that arrived.", pipeline.estimates),
             ("estimates_dropped", "Estimates that could not be handed over.", pipeline.dropped),
             ("stream_lost", "Estimates lost by slow readers.", health.stream.lost),

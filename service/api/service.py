@@ -204,7 +204,7 @@ class Service:
         await self.webhooks.replace(self.reactions.webhooks)
         self.runner.restart(scene, source, self._listeners())
         self._locate.restart(scene)
-        log.info("reload: the pipeline is started again with the new scene")
+        log.info("reload: the pipeline is being restarted with the new scene")
         self.reloaded = messages.ReloadHealth(time=at, ok=True, message="")
 
     async def locate(self, samples: Sequence[messages.SampleIn], external: bool) -> list[bytes]:

@@ -35,6 +35,7 @@ from contactsense.service.scene.skin_meshes import check_meshes
 from contactsense.service.sensors.live_source import LiveSource, SourceSettings
 from contactsense.service.sensors.network_wrench import WrenchSource
 from contactsense.service.sensors.robot_stream import SensorError
+from contactsense.service.wire.rtde_fields import JOINTS
 
 READERS = (
     "ft_host", "ft_fields", "ft_port", "ft_http_port", "ft_counts", "robot_port", "robot_client",
@@ -295,7 +296,8 @@ class Settings(BaseModel):
         except SceneError as error:
             raise SettingsError(f"{self.scene}: {error}") from None
         own = scene.robot
-        if "robot" in self.model_fields_set and self.robot not in (own.name, str(own.file)):
+        same = own.name == self.robot or (own.file or Path()).resolve() == Path(self.robot).resolve()
+        if "robot" in self.model_fields_set and not same:
             raise SettingsError(
                 f"--robot: expected {own.name}, the robot of {self.scene}, or no --robot, got {self.robot!r}"
             )
@@ -349,6 +351,12 @@ class Settings(BaseModel):
                     "expected --robot-host too, got none"
                 )
             return None
+        if len(scene.robot.joints) != JOINTS:
+            raise SettingsError(
+                f"--robot-host: expected an arm with {JOINTS} joints, as RTDE has them, got "
+                f"{scene.robot.name} with {len(scene.robot.joints)}; its controller can send its samples "
+                "itself: --source push"
+            )
         if scene.base_wrench is not None and (self.ft_host is None) == (self.ft_fields is None):
             raise SettingsError(
                 "the scene has a force/torque sensor under the base: expected either its address "

@@ -85,7 +85,7 @@ class Tracks:
                 _answer(websocket, channel),
                 self._estimates(websocket, form),
             )
-            await _close(websocket, RESTARTED, "the pipeline is started again; connect again")
+            await _close(websocket, RESTARTED, "the pipeline is being restarted; connect again")
         finally:
             await channel.close()
 

@@ -15,6 +15,7 @@ from rich.table import Table
 
 from contactsense.calibration import Calibration, CalibrationError, FreeMotion, Settings, default_groups
 from contactsense.calibration import calibrate as run
+from contactsense.robots.file_references import moved
 from contactsense.runtime.plausibility import PlausibleLimits
 from contactsense.scene import Scene, SceneError
 from contactsense.service.cli.calibration_page import Section, channels, page
@@ -90,7 +91,7 @@ def calibrate(
 
             write_report(report, found, sections, stretches, scene)
         if target is not None:
-            target.write_text(scene_text(path, found.scene), encoding="utf-8")
+            target.write_text(scene_text(path, found.scene, target), encoding="utf-8")
     except ImportError as error:
         raise click.ClickException(
             f"plots need matplotlib: pip install contactsense[geometry] ({error})"
@@ -115,9 +116,10 @@ def _in_radians(recording: Path, scene: Scene, stretches: list[FreeMotion]) -> N
                 raise RecordingError(f"{recording}: {found.field}: {found.reason} (--columns angle_unit=deg)")
 
 
-def scene_text(path: Path, scene: Scene) -> str:
-    """Text of the scene file with the calibrated fields; other fields are unchanged, comments are lost."""
-    content: dict[str, Any] = yaml.safe_load(path.read_text(encoding="utf-8"))
+def scene_text(path: Path, scene: Scene, target: Path) -> str:
+    """Text of the scene file for `target`, with the calibrated fields; other fields are unchanged, comments
+    are lost."""
+    content = moved(yaml.safe_load(path.read_text(encoding="utf-8")), path.parent, target.parent)
     fresh = scene.model_dump(mode="json", include=set(_PARTS), exclude_defaults=True)
     for part in _PARTS:
         value = getattr(scene, part)

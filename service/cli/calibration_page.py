@@ -76,7 +76,7 @@ def _contacts(found: Calibration, names: tuple[str, ...]) -> tuple[str, ...]:
         )
         lines.append(
             f"{contact.recording}: {contact.start:.2f} to {contact.stop:.2f} s "
-            f"(rows {contact.first_row} to {contact.last_row}), felt by {felt or 'all together'}"
+            f"(rows {contact.first_row} to {contact.last_row}), seen in {felt or 'all together'}"
         )
     return tuple(lines)
 

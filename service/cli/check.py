@@ -28,7 +28,7 @@ from contactsense.setup_check import check as run
 _VERDICTS = {
     "fits": "fits",
     "does_not_fit": "[bold red]does not fit[/]",
-    "cannot_tell": "[yellow]cannot be told[/]",
+    "cannot_tell": "[yellow]undetermined[/]",
 }
 
 _UNITS = {
@@ -56,7 +56,7 @@ _UNITS = {
     type=FiniteRange(4.0),
     default=20.0,
     show_default=True,
-    help="How long to read the robot.",
+    help="How long to read the robot [s].",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the result for a program.")
 @click.pass_context
@@ -72,7 +72,7 @@ def check(
 ) -> None:
     """Check SCENE against RECORDINGS, or a live robot, of slow motion or some postures without contact.
 
-    Each line of the scene fits, or does not fit and another value would, or cannot be told from this motion.
+    Each line of the scene fits, or does not fit and another value would, or is undetermined by this motion.
     Exit status: 0 nothing contradicts the scene, 1 something does, 2 the input cannot be used.
     """
     given = {name: value for name, value in source.items() if value is not None}
@@ -150,13 +150,13 @@ def print_check(found: SetupCheck, console: Console) -> None:
     if untold and len(untold) == len(found.findings) and found.unexplained:
         # A push hides what the lines would give: moving more joints would not help.
         console.print(
-            "Something may have touched the arm: repeat without contact. If the same remains, more joints "
-            "moved, further or faster, tell more.",
+            "Something may have touched the arm: repeat without contact. If the same remains, move more "
+            "joints, further or faster.",
             highlight=False,
             soft_wrap=True,
         )
     elif untold:
-        console.print("What cannot be told needs more joints moved, further or faster.", highlight=False)
+        console.print("To determine the other lines, move more joints, further or faster.", highlight=False)
     left = _listed(found.residuals)
     text = ", ".join(f"{name} {value:.2g} {unit}" for name, (value, unit) in left.items())
     console.print(f"{found.seconds:.1f} s; RMS residual below 2 Hz: {text}", highlight=False)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+import numpy as np
 from rich import box
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     import trimesh
 
     from contactsense.robots.decomposition.decompose import Fit, Options
+    from contactsense.robots.decomposition.surface_error import Errors
 
 _COLUMNS = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
 
@@ -132,6 +134,8 @@ def decompose(
     chosen = dict(zip(names, choose([fits[name] for name in names], options.tolerance, most), strict=True))
     best = {name: fits[name][chosen[name]] for name in names}
     _report(best)
+    for line in beyond_tolerance({name: fit.errors for name, fit in best.items()}, options.tolerance):
+        click.echo(line, err=True)
     command = _command(arm, options, most, tip, rigid, scale)
     if as_tool:
         text = _tool_yaml(robot, best["tool"], command, source or Path(arm).name)
@@ -186,12 +190,29 @@ def _report(best: "dict[str, Fit]") -> None:
     table = Table(box=box.SIMPLE_HEAD)
     for heading in ("link", "primitives", *HEADINGS):
         left = heading == "link"
-        table.add_column(heading, justify="left" if left else "right", no_wrap=left, overflow="fold")
+        table.add_column(heading, justify="left" if left else "right", no_wrap=True, overflow="fold")
     for name, fit in best.items():
         table.add_row(name, str(len(fit.bodies.kind)), *row(fit.errors))
     count = sum(len(fit.bodies.kind) for fit in best.values())
     table.add_row("all", str(count), *row(together([fit.errors for fit in best.values()])))
-    Console(stderr=True).print(table)
+    console = Console(stderr=True)
+    console.print(table, width=max(console.width, console.measure(table).maximum), crop=False)
+
+
+def beyond_tolerance(errors: "dict[str, Errors]", tolerance: float) -> list[str]:
+    """Warnings of links whose 95th percentile of the distance, either way, is beyond the tolerance [m]."""
+    reached = {
+        name: max(float(np.percentile(np.abs(values), 95.0)) for values in (found.skin, found.primitive))
+        for name, found in errors.items()
+    }
+    worst = {name: value for name, value in reached.items() if value > tolerance}
+    if not worst:
+        return []
+    listed = ", ".join(f"{name} {value * 1e3:.1f} mm" for name, value in worst.items())
+    return [
+        f"warning: expected 95 % of the distances within {tolerance * 1e3:g} mm, got {listed}; contacts "
+        "there may be on wrong links: look at --picture, or allow more primitives with --link-max and --max"
+    ]
 
 
 def _draw(robot: Robot, meshes: "dict[str, trimesh.Trimesh]", best: "dict[str, Fit]", path: Path) -> None:

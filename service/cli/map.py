@@ -1,4 +1,4 @@
-"""`contactsense map SCENE --posture ...`: what the scene's sensors can tell about pushes on the arm."""
+"""`contactsense map SCENE --posture ...`: what the scene's sensors can determine of pushes on the arm."""
 
 import json
 from math import degrees, isfinite
@@ -44,7 +44,7 @@ def surface_map(
     picture: Path | None,
     as_json: bool,
 ) -> None:
-    """Show what the sensors of SCENE can tell about a push on each link, before any is bought.
+    """Show how well the sensors of SCENE detect and locate a push on each link, before you buy any.
 
     For each place of the surface, and pushes along the inward normal: the smallest force that is detected at
     the scene's false-alarm rate, the error of the place, and the probability of naming the link. All follow
@@ -99,7 +99,7 @@ def _within_limits(text: str, scene: Scene) -> np.ndarray:
 
 
 def as_plain(title: str, scene: Scene, found: Detectability) -> dict[str, Any]:
-    """A map as plain data in SI units; null where sensors cannot tell."""
+    """A map as plain data in SI units; null where the sensors do not determine them."""
     return {
         "scene": title,
         "robot": scene.robot.name,

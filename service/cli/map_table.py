@@ -67,7 +67,8 @@ def _explain(found: Detectability) -> None:
         f"  of the arm at rest, at {found.false_alarms_per_hour:g} false alarms per hour\n"
         f"error: of the place, for {found.force:g} N along the inward normal; median of the answers\n"
         "named: probability of naming the link for that push\n"
-        f"-: cannot tell: no force up to {LARGEST_FORCE:g} N is detected; or fewer\n"
+        "error and named also count pushes too weak to be detected: compare with force\n"
+        f"-: undetermined: no force up to {LARGEST_FORCE:g} N is detected; or fewer\n"
         "  than one in five answers is on the link"
     )
 
@@ -93,16 +94,16 @@ def _force(value: float) -> str:
 
 
 def _errors(link: LinkDetectability) -> tuple[str, ...]:
-    """Errors in millimetres, unless most of the link is not felt at all."""
-    felt = _is_felt(link)
-    return tuple(f"{1e3 * value:.1f}" if felt and isfinite(value) else "-" for value in link.error)
+    """Errors in millimetres, unless pushes on most of the link are not detected at all."""
+    detected = _is_detected(link)
+    return tuple(f"{1e3 * value:.1f}" if detected and isfinite(value) else "-" for value in link.error)
 
 
 def _named(link: LinkDetectability) -> tuple[str, ...]:
-    """Probabilities of naming the link, unless most of it is not felt at all."""
-    felt = _is_felt(link)
-    return tuple(f"{value:.2f}" if felt else "-" for value in link.link_probability)
+    """Probabilities of naming the link, unless pushes on most of it are not detected at all."""
+    detected = _is_detected(link)
+    return tuple(f"{value:.2f}" if detected else "-" for value in link.link_probability)
 
 
-def _is_felt(link: LinkDetectability) -> bool:
+def _is_detected(link: LinkDetectability) -> bool:
     return link.smallest_force[0] <= LARGEST_FORCE

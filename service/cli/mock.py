@@ -14,6 +14,7 @@ from contactsense.service.mock.robot_controller import RobotController
 from contactsense.service.mock.rtde_server import PORT
 from contactsense.service.mock.script import Script, ScriptError
 from contactsense.service.mock.servers import MockSettings
+from contactsense.service.wire.rtde_fields import JOINTS
 
 READY = "mock arm at "
 """Beginning of the line on stdout that lists the addresses."""
@@ -128,6 +129,11 @@ def simulated_robot(script: Path | None, scene: Path | None, loop: bool) -> Robo
             raise ScriptError(
                 f"{script}: robot: expected that of the scene, {described.robot.name}, got {played.robot}"
             )
+    if len(cell.robot.joints) != JOINTS:
+        raise ScriptError(
+            f"robot: expected an arm with {JOINTS} joints, as RTDE has them, got {cell.robot.name} with "
+            f"{len(cell.robot.joints)}"
+        )
     start, end = played.trajectory.start, played.trajectory.end
     if loop and np.abs(np.subtract(start, end)).max() >= 1e-3:
         raise ScriptError(

@@ -38,15 +38,21 @@ from contactsense.service.viewer.service_calls import LiveError, ServiceCalls
 @click.option("--robot", help="Robot to assume where there is no scene file.  [default: ur5e]")
 @sensor_options("Address of the robot's controller.")
 @click.option("--fields", default="", help="Further RTDE fields to record, separated by commas.")
-@click.option("--seconds", type=FiniteRange(0.0, min_open=True), help="Stop after this time.")
+@click.option("--seconds", type=FiniteRange(0.0, min_open=True), help="Stop after this time [s].")
 @click.option(
-    "--rotate-seconds", type=FiniteRange(1.0), default=600.0, show_default=True, help="Longest file."
+    "--rotate-seconds",
+    type=FiniteRange(1.0),
+    default=600.0,
+    show_default=True,
+    help="Start a new file after this time [s].",
 )
 @click.option(
     "--rotate-mb", type=FiniteRange(1.0), default=256.0, show_default=True,
-    help="Largest file before compression.",
+    help="Start a new file at this size before compression [MB].",
 )  # fmt: skip
-@click.option("--disk-limit-mb", type=FiniteRange(1.0), help="Remove the oldest files beyond this.")
+@click.option(
+    "--disk-limit-mb", type=FiniteRange(1.0), help="Remove the oldest files beyond this total size [MB]."
+)
 @click.option(
     "--from", "origin", type=click.Path(path_type=Path), help="Convert this recording instead of a live arm."
 )

@@ -9,6 +9,7 @@ from typing import Any, get_args
 import click
 
 from contactsense import robots
+from contactsense.robots.file_references import moved
 from contactsense.scene import LinkPrior, Scene, SceneError
 from contactsense.sensors.settings import JointTorqueSignal
 from contactsense.service.scene.commented_yaml import commented_yaml
@@ -98,7 +99,7 @@ def new(path: Path, force: bool, **given: Any) -> None:
     except SceneError as error:
         raise click.ClickException(str(error)) from None
     try:
-        path.write_text(commented_yaml(content), encoding="utf-8")
+        path.write_text(commented_yaml(moved(content, Path(), path.parent)), encoding="utf-8")
     except OSError as error:
         raise click.ClickException(f"{path}: cannot write: {error.strerror}") from None
     click.echo(f"{path}: written; `contactsense scene show {path}` says what it means")

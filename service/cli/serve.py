@@ -59,7 +59,7 @@ READY = "serving at "
     multiple=True,
     help="Origin of a web page that may use the service.",
 )
-@click.option("--max-connections", type=int, help="Most open connections.  [default: 200]")
+@click.option("--max-connections", type=int, help="Largest number of open connections.  [default: 200]")
 @click.option("--max-body", type=int, help="Largest body of a request, in bytes.  [default: 8000000]")
 @click.option(
     "--constant-readings",

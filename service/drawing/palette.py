@@ -19,8 +19,8 @@ CONTACT = "#8400fc"
 NOWHERE = "#2f3337"
 """Of contacts without a single place."""
 SERIES = ("#332288", "#e69f00", "#117733", "#56b4e9", "#882255", "#000000")
-"""Of curves and marks on white, told apart by the colour-blind as links are: indigo, green, wine of P. Tol,
-Colour Schemes (2021), orange, sky blue and black of M. Okabe and K. Ito."""
+"""Of curves and marks on white, distinguishable to the colour-blind as links are: indigo, green, wine of P.
+Tol, Colour Schemes (2021), orange, sky blue and black of M. Okabe and K. Ito."""
 AXES = ("#d55e00", "#009e73", "#0072b2")
 """Of the axes x, y and z of a frame: vermilion, green and blue of M. Okabe and K. Ito, Color Universal
 Design (2008)."""

@@ -124,11 +124,11 @@ class LocateProcess:
             connection = self._started()
             connection.send((samples, external))
             if not connection.poll(_LATER if self._answered else _FIRST):
-                raise LocateError("no answer in time; the process that locates is started again")
+                raise LocateError("no answer in time; the process that locates contacts is being restarted")
             answer: Any = connection.recv()
         except (OSError, EOFError) as error:
             self._end()
-            raise LocateError("the process that locates broke down and is started again") from error
+            raise LocateError("the process that locates contacts failed and is being restarted") from error
         except LocateError:
             self._end()
             raise

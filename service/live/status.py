@@ -40,17 +40,13 @@ class Facts:
 def assess(facts: Facts) -> tuple[Status, tuple[str, ...]]:
     """Return the status and at least one reason for it, each a sentence for a technician."""
     if facts.process == "none":
-        return "idle", ("no robot was named: only POST /v1/locate works",)
-    if facts.process == "ended":
-        return "failing", (f"the pipeline {facts.end}; it is started again", *facts.others)
+        return "idle", ("no robot is configured: only POST /v1/locate works",)
+    if facts.process == "ended" or (facts.process == "starting" and facts.end):
+        return "failing", (f"the pipeline {facts.end}; it is being restarted", *facts.others)
     if facts.process == "starting":
-        if facts.end:
-            return "failing", (f"the pipeline {facts.end}; it is starting again", *facts.others)
         return "starting", (facts.loading or "the pipeline is loading its kernels", *facts.others)
     if facts.report_age > STALE:
-        text = (
-            f"the pipeline has not reported for {facts.report_age:.1f} s; it is started again if it stays so"
-        )
+        text = f"the pipeline has not reported for {facts.report_age:.1f} s; it is restarted if that lasts"
         return "failing", (text, *facts.others)
     if not facts.connected:
         found = facts.trouble or ("no data from the robot yet",)

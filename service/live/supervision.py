@@ -54,7 +54,7 @@ class Supervised:
             finally:
                 well.cancel()
             self.failures += 1
-            log.error("%s: %s; it is started again", self.name, self.error)
+            log.error("%s: %s; it is being restarted", self.name, self.error)
             await asyncio.sleep(PAUSE)
 
     def _is_well(self) -> None:

@@ -270,7 +270,7 @@ class Runner:
                     if self._on_report is not None:
                         self._on_report(json.loads(payload))
                 else:
-                    return f"broke down ({payload.decode(errors='replace')})"
+                    return f"failed ({payload.decode(errors='replace')})"
         except (asyncio.IncompleteReadError, OSError):
             code = await exit_code(process)
             return f"ended unexpectedly (exit code {code})"

@@ -50,7 +50,7 @@ class ExecutorClient:
         """Start an action; returns why it cannot be started, empty if it can."""
         task = json.dumps({"action": action, "decision": decision}).encode() + b"\n"
         if self._process is None or self._process.stdin is None:
-            return "the executor's process is not running; it is started again"
+            return "the executor's process is not running; it is being restarted"
         try:
             written = os.write(self._process.stdin.fileno(), task)
         except BlockingIOError:

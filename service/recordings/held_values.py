@@ -15,7 +15,7 @@ MOVING = 0.01
 SHARE = 0.1
 """A sensor that repeats its values in more of the rows is reported."""
 ROWS = 100
-"""So many rows in motion at least are needed to tell."""
+"""Smallest number of rows in motion that is needed to decide."""
 
 
 class HeldValues:

@@ -16,14 +16,15 @@ _BEGINNING = (
     "This page is made from the code: `python -m contactsense.service.scene.page > docs/scene.md`.",
     "## A complete example",
     "A UR10e on a pedestal that is tilted by 30 degrees; a force/torque sensor below the base, turned by 45 "
-    "degrees, that counts the push on the arm, with an adapter plate on it; a gripper; a table; joint "
-    "torques from motor currents. The numbers of sensor, friction, gripper and bodies are examples: replace "
-    "them by yours. `contactsense decompose` makes the primitives of tool and bodies from meshes "
-    "([geometry.md](geometry.md#make-the-surface-of-a-tool-or-a-body)).",
+    "degrees, whose readings are the push of the sensor on the arm, with an adapter plate on it; a "
+    "gripper; a table; joint torques from motor currents. The numbers of sensor, friction, gripper and "
+    "bodies are examples: replace them by yours. `contactsense decompose` makes the primitives of tool and "
+    "bodies from meshes ([geometry.md](geometry.md#make-the-surface-of-a-tool-or-a-body)).",
     f"```yaml\n{commented_yaml(EXAMPLE)}```",
     "## All fields",
     "Fields without default are required. Three numbers are x, y, z; angles are roll, pitch, yaw about fixed "
-    "axes. Where a field of the joints takes one number for all, it also takes one per joint.",
+    "axes. Where a field of the joints takes one number for all, it also takes one per joint. Relative "
+    "paths are relative to the folder of the scene file.",
 )
 """Paragraphs before the tables."""
 _DEFAULTS = {"required": "required", "{}": "the defaults below"}

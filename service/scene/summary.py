@@ -46,13 +46,22 @@ def summarize(scene: Scene, q: np.ndarray) -> tuple[Line, ...]:
         Line("joint_torque", _torque(scene)),
         *_link_sensors(scene),
         Line("touchable", _touchable(scene)),
-        Line("surface", f"detail {scene.detail}, within {1e3 * scene.surface_deviation:g} mm (one sigma)"),
+        Line("surface", _surface(scene)),
         Line(
             "contacts",
             f"up to {scene.contacts} at a time; {scene.false_alarms_per_hour:g} false alarms per hour",
         ),
     ]
     return tuple(lines)
+
+
+def _surface(scene: Scene) -> str:
+    coarse = scene.detail == "coarse"
+    cells = [link.coarse_deviation if coarse else link.deviation for link in scene.robot.links]
+    if scene.surface_error is None and any(cells):
+        name = "coarse_deviation" if coarse else "fine_deviation"
+        return f"detail {scene.detail}, as far from the skin as {name} of the surface file says"
+    return f"detail {scene.detail}, within {1e3 * scene.surface_deviation:g} mm (one sigma)"
 
 
 def as_plain(scene: Scene, q: np.ndarray) -> dict[str, Any]:

@@ -249,7 +249,7 @@ class NetFtStream:
     @staticmethod
     def _explain(now: pynetft.Health) -> str:
         if now.last_error.startswith("no valid RDT record"):
-            return "mute, it sends no readings"
+            return "silent, it sends no readings"
         if now.last_error.startswith("serious device status"):
             return f"it marks its readings as bad (status {now.last_status:#010x}); beyond its range?"
         return now.last_error

@@ -142,7 +142,7 @@ class NetworkWrench:
             # The clocks are known: aligned anew, late readings would be taken for those of a later instant.
             self._without_since = now
         if now - self._without_since > (_LOST if aligned else _UNALIGNED):
-            # Which of the two clocks misleads cannot be told.
+            # Which of the two clocks is wrong cannot be determined.
             self._aligner.forget()
             self._without_since, self._aligned = now, False
 

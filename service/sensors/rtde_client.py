@@ -153,7 +153,7 @@ class RtdeConnection:
                 self._last_ns = arrival
                 return records
         if time.monotonic_ns() - self._last_ns > self._silence_ns:
-            raise SensorError(f"{self._place} has been mute for {self._silence_ns / NS:g} s")
+            raise SensorError(f"{self._place} has been silent for {self._silence_ns / NS:g} s")
         return []
 
     def _receive(self) -> bytes:

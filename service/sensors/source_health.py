@@ -51,5 +51,5 @@ class SourceHealth:
     @property
     def trouble_while_running(self) -> str:
         """The same for somebody who may wait: it says which problems are being worked on."""
-        retried = ("it keeps trying",) if self.faults and self.reconnects else ()
+        retried = ("retrying",) if self.faults and self.reconnects else ()
         return "; ".join((*self.faults, *retried, *self.recent))

@@ -4,24 +4,25 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 STUCK_READINGS = 5
-"""A channel with the same value in so many successive readings is stuck. In the recordings of a real UR10e
-(100 Hz; shamilmamedov, dynamic_calibration) no motor current had the same value in three successive packets,
-except at the damaged end of one file; at rest at most about 1 % of the values repeated the previous one."""
+"""A channel with the same value in this number of successive readings is stuck. In the recordings of a real
+UR10e (100 Hz; shamilmamedov, dynamic_calibration) no motor current had the same value in three successive
+packets, except at the damaged end of one file; at rest at most about 1 % of the values repeated the previous
+one."""
 LARGEST_REPEATS = 0.1
-"""A channel that repeats a larger share of its values at rest is too coarse to be judged. White noise repeats
-this share where it is 2.8 times as large as the resolution, and five equal values by chance less than once in
-10^4 readings: they are left out, but not reported."""
+"""A channel that repeats a larger share of its values at rest is too coarse to be checked. White noise
+repeats this share where it is 2.8 times as large as the resolution, and five equal values by chance less
+than once in 10^4 readings: they are left out, but not reported."""
 LEAST_REVERSALS = 0.1
 """A channel that turns less often, from up to down or back, is not noisy: white noise turns at two thirds of
 its values, the currents named above at more than half. What a simulator without noise computes for an arm
 that comes to rest hardly turns."""
 LEAST_SEEN = 50
-"""These shares are known from so many values at rest."""
+"""These shares are known from this number of values at rest."""
 NEVER_CHANGED = 5000
-"""A channel that has not changed in so many readings of an arm in motion has been stuck from the start: ten
-seconds at 500 Hz."""
+"""A channel that has not changed in this number of readings of an arm in motion has been stuck from the
+start: ten seconds at 500 Hz."""
 MOST_SEEN = 400
-"""With so many values the older ones begin to be forgotten."""
+"""From this number of values on, the older ones begin to be forgotten."""
 
 
 @dataclass(slots=True)
@@ -36,7 +37,7 @@ class StuckChannels:
     """Finds channels that are stuck.
 
     Measured values carry noise, but a channel may be too coarse to show it, and a simulator may have none.
-    So a channel is judged once it has changed with nearly every reading while the arm was at rest: there
+    So a channel is checked once it has changed with nearly every reading while the arm was at rest: there
     only noise changes it, and noise does not stop. It is compared with the other channels: readings that
     repeat as a whole count once, as those of a sensor that is slower than its packets.
 

@@ -26,7 +26,7 @@ the larger, as with a velocity of zero."""
 RIGHT = 0.3
 """They agree if they differ by less than this share."""
 AGREED = 4
-"""A velocity that was wrong is believed again after so many movements in agreement."""
+"""A velocity that was wrong is used again after this number of movements in agreement."""
 FASTEST = np.pi
 """A higher velocity [rad/s] explains no larger difference: it may be in degrees per second."""
 REST = 0.0005

@@ -13,7 +13,7 @@ from contactsense.service.viewer.heat import Heat
 
 Colour = Literal["link", "probability", "detectable force"]
 COLOURS: tuple[Colour, ...] = ("link", "probability", "detectable force")
-"""What the colour of the surface can tell."""
+"""What the colour of the surface can show."""
 
 
 class ViewPanel:

@@ -30,7 +30,7 @@ RATE = 30.0
 WORDS = 0.1
 """Shortest time between two changes of the text [s]."""
 SILENCE = 0.1
-"""Longest time between two frames of a source that tells when it has a new one [s]."""
+"""Longest time between two frames of a source that announces new ones [s]."""
 UNSEEN = 1.0
 """Time between two frames while nobody looks [s]; a page that is opened shows the last one at first."""
 

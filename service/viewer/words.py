@@ -18,11 +18,11 @@ def in_words(estimate: Estimate | None) -> str:
     elif estimate.other > 0.0:
         lines = ["**Something acts on the arm; no single push explains it.**"]
     elif estimate.status == "degraded":
-        lines = ["**The sensors cannot tell.**"]
+        lines = ["**Contacts cannot be determined.**"]
     else:
-        lines = ["**Nothing is felt.**"]
+        lines = ["**No contact detected.**"]
         if math.isfinite(estimate.detectable):
-            lines += ["", f"A held push of {estimate.detectable:.1f} N would be noticed anywhere."]
+            lines += ["", f"A held push of {estimate.detectable:.1f} N would be detected anywhere."]
     if estimate.status == "degraded":
         lines[0] = f"**Degraded.** {lines[0]}"
     if estimate.reason:

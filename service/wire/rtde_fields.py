@@ -27,6 +27,9 @@ WIDTHS: Mapping[str, int] = MappingProxyType(
 )
 """RTDE type -> how many numbers it holds."""
 
+JOINTS = WIDTHS["VECTOR6D"]
+"""How many joints an arm has whose controller speaks RTDE."""
+
 _OUTPUTS_BY_TYPE = {
     "DOUBLE": """timestamp actual_execution_time speed_scaling target_speed_fraction actual_momentum
         actual_main_voltage actual_robot_voltage actual_robot_current standard_analog_input0

@@ -34,6 +34,24 @@ def test_scenes_can_be_compared() -> None:
     assert len(repr(scene)) < 2000
 
 
+def test_paths_in_a_scene_are_relative_to_its_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "arms").mkdir()
+    (tmp_path / "cell").mkdir()
+    library = Path(robots.__file__).parent
+    for name in ("ur3e.yaml", "ur3e.surface.yaml"):
+        (tmp_path / "arms" / name).write_text((library / name).read_text())
+    file = tmp_path / "cell" / "scene.yaml"
+    file.write_text("robot: ../arms/ur3e.yaml\nmeshes: meshes\n")
+    for folder in (tmp_path / "cell", tmp_path):
+        monkeypatch.chdir(folder)
+        scene = Scene.load(file.relative_to(folder))
+        assert scene.robot.file is not None
+        assert scene.robot.file.resolve() == tmp_path / "arms" / "ur3e.yaml"
+        assert scene.meshes == tmp_path / "cell" / "meshes"
+    file.write_text("robot: ur3e\n")
+    assert Scene.load(file).robot == robots.load("ur3e")
+
+
 def test_the_surface_error_defaults_to_the_measured_one() -> None:
     assert Scene(robot="ur5e").surface_deviation == 0.0005
     assert Scene(robot="ur5e", detail="coarse").surface_deviation == 0.004

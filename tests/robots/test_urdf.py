@@ -125,8 +125,10 @@ def test_meshes_are_scaled_placed_and_joined(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({'name="joint3" type="revolute"': 'name="joint3" type="floating"'}, r"joint joint3: floating"),
-        ({'name="joint3" type="revolute"': 'name="joint3" type="prismatic"'}, r"joint joint3: prismatic"),
+        ({'name="joint3" type="revolute"': 'name="joint3" type="floating"'},
+         r"joint joint3: expected a revolute, continuous or fixed joint between .*, got floating"),
+        ({'name="joint3" type="revolute"': 'name="joint3" type="prismatic"'},
+         r"joint joint3: expected a revolute, continuous or fixed joint between .*, got prismatic"),
         ({'type="revolute"': 'type="fixed"'}, r"no revolute joint"),
         ({'<parent link="link2"/>': '<parent link="nowhere"/>'}, r"joint joint3: there is no link nowhere"),
         ({'<parent link="link2"/><child link="link3"/>': '<parent link="link2"/><child link="link2"/>'},
@@ -153,6 +155,16 @@ def test_meshes_are_scaled_placed_and_joined(tmp_path: Path) -> None:
          r"link link2: expected one joint that carries it, got joint2, mount"),
         ({'xyz="0.02 0.1 0.3"': 'xyz="0.02 ${y} 0.3"'}, r"expected URDF, got xacro; expand it first: xacro"),
         ({'<link name="link0">': "<link>"}, r"no valid URDF: an element lacks the attribute 'name'"),
+        ({'<box size="0.1 0.1 0.02"/>': ""},
+         r"link plate: visual: geometry: expected one of box, cylinder, sphere, mesh, got none"),
+        ({'<box size="0.1 0.1 0.02"/>': '<capsule radius="0.1" length="0.2"/>'},
+         r"link plate: visual: geometry: expected one of box, .*, got capsule"),
+        ({'lower="-2" upper="2.5"': 'lower="-114.6" upper="143.2"'},
+         r"joint joint1: limits: expected rad, .* got -114\.6 and 143\.2; if these are degrees: -2 and"),
+        ({'<joint name="mount" type="fixed"': '<joint name="mount" type="screw"'},
+         r"joint mount: type: expected one of revolute, .*, got screw"),
+        ({'<child link="right"/>': '<child link="right"/><mimic joint="joint7"/>'},
+         r"joint right_finger: .* held at zero, but it follows joint7 of the arm"),
     ],
 )  # fmt: skip
 def test_unusable_urdfs_are_refused_with_the_element(
@@ -173,6 +185,38 @@ def test_an_arm_far_from_the_root_and_angles_of_one_turn_are_no_mistake_of_units
     far = text.replace('xyz="0 12 0"', 'xyz="0 1200 0"')
     with pytest.raises(robots.RobotError, match=r"joint base: origin: xyz: .* none above 50, got"):
         robots.from_urdf(write(tmp_path, far))
+
+
+@pytest.mark.parametrize("kind", ["prismatic", "planar", "floating"])
+def test_what_moves_the_base_is_held_at_zero(tmp_path: Path, kind: str) -> None:
+    below = LINK.format(name="cart", z=0.1, mass=20.0, shape='<box size="1 1 0.5"/>')
+    below += JOINT.format(name="lift", type=kind, parent="cart", child="link0", y=0.1, axis="0 0 1")
+    path = write(tmp_path, arm().replace('<robot name="seven">', f'<robot name="seven">{below}'))
+    robot = robots.from_urdf(path)
+    assert robot.link_names == ("cart", *(f"link{i}" for i in range(1, 8)))
+    assert robot.held == ("lift", "left_finger", "right_finger")
+    assert robot.links[0].inertia.mass == pytest.approx(23.0)
+    model = pinocchio.buildModelFromUrdf(str(path))
+    data = model.createData()
+    at_zero = pinocchio.neutral(model)
+    pinocchio.framesForwardKinematics(model, data, at_zero)
+    expected = data.oMf[model.getFrameId("link7")]
+    pose = link_poses(robot, np.zeros(7))[7]
+    np.testing.assert_allclose(pose[:3, 3], expected.translation, atol=1e-12)
+
+
+def test_limits_that_stand_for_none_are_accepted(tmp_path: Path) -> None:
+    text = arm(**{'lower="-2" upper="2.5"': 'lower="-1e16" upper="1e16"'})
+    assert robots.from_urdf(write(tmp_path, text)).joints[0].position_limits == (-1e16, 1e16)
+    with pytest.raises(robots.RobotError, match=r"expected links, got none"):
+        robots.from_urdf(write(tmp_path, '<robot name="empty"/>'))
+
+
+def test_a_namespace_is_refused(tmp_path: Path) -> None:
+    """Its elements would not be found."""
+    text = arm().replace("<robot ", '<robot xmlns="http://www.ros.org" ')
+    with pytest.raises(robots.RobotError, match=r"URDF without a namespace, got xmlns='http://www.ros.org'"):
+        robots.from_urdf(write(tmp_path, text))
 
 
 def test_the_folder_in_which_a_file_was_looked_for_is_named(

@@ -134,7 +134,7 @@ def test_the_page_names_contacts_changes_and_next_steps(folder: Path) -> None:
     _, left_out, changed, means, following = result.stdout.split("\n\n")
     assert left_out.startswith("Left out: something seems to push on the arm")
     assert re.search(
-        r"pushed\.csv: 3\.\d+ to [45]\.\d+ s \(rows 3\d\d to [56]\d\d\), felt by elbow_joint", left_out
+        r"pushed\.csv: 3\.\d+ to [45]\.\d+ s \(rows 3\d\d to [56]\d\d\), seen in elbow_joint", left_out
     )
     assert "Coulomb friction: " in changed
     assert "(was 0)" in changed

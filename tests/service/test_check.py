@@ -68,8 +68,8 @@ def test_where_nothing_can_be_told_and_residuals_remain_a_contact_is_suspected()
     left = Residuals(5.0, 1.0, 2.0)
     text = _printed(SetupCheck(findings, left, ("base sensor's force x: residual 5 N",), 10.0))
     assert "Something may have touched the arm: repeat without contact" in text
-    assert "What cannot be told needs more joints moved" not in text
-    assert "What cannot be told needs more joints moved" in _printed(SetupCheck(findings, left, (), 10.0))
+    assert "To determine the other lines, move more joints" not in text
+    assert "To determine the other lines, move more joints" in _printed(SetupCheck(findings, left, (), 10.0))
 
 
 def test_values_have_their_units() -> None:

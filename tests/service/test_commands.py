@@ -13,6 +13,7 @@ from contactsense.service.cli.main import main
 from contactsense.service.demo.child_process import ChildError, child
 from tests.service import http
 from tests.service.loopback import until
+from tests.service.seven_joints import seven_joints
 
 SHORT = """
 robot: ur5e
@@ -181,7 +182,7 @@ def test_a_signal_to_the_whole_group_is_no_failure(tmp_path: Path) -> None:
         with pytest.raises(ChildError, match="exit status 0"):
             assert until(lambda: service.check(), 20.0)
     told = log.read_text()
-    assert "it keeps trying" in told
+    assert "retrying" in told
     assert "failing" not in told, told
     assert "exit code" not in told, told
 
@@ -211,6 +212,16 @@ def test_a_taken_port_is_told() -> None:
     assert status == 1
     assert f"line_port: cannot listen at 127.0.0.1:{port}" in err
     assert "Traceback" not in err
+
+
+@pytest.mark.slow
+def test_the_mock_has_six_joints(tmp_path: Path) -> None:
+    seven_joints(tmp_path)
+    script = tmp_path / "script.yaml"
+    script.write_text("robot: seven\ntrajectory: {start: [0, 0, 0, 0, 0, 0, 0]}\n")
+    status, _, err = run("mock", "--scene", str(tmp_path / "seven.yaml"), "--script", str(script))
+    assert (status, err.count("\n")) == (1, 1)
+    assert "robot: expected an arm with 6 joints, as RTDE has them, got seven with 7" in err
 
 
 @pytest.mark.slow

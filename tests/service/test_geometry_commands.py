@@ -3,11 +3,14 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 from click.testing import CliRunner, Result
 
 from contactsense import Scene, robots
+from contactsense.robots.decomposition.surface_error import Errors
+from contactsense.service.cli.decompose import beyond_tolerance
 from contactsense.service.cli.main import cli
 from tests.robots.shapes import two_meshes
 
@@ -102,6 +105,26 @@ def test_decompose_a_urdf_and_load_what_it_made(tmp_path: Path) -> None:
     robot = robots.load(urdf)
     assert 2 <= sum(len(link.primitives) for link in robot.links) <= 3
     assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_an_arm_without_visual_shapes_needs_meshes(tmp_path: Path) -> None:
+    urdf = tmp_path / "two.urdf"
+    urdf.write_text(URDF.replace("visual>", "collision>"))
+    result = call("decompose", str(urdf))
+    assert result.exit_code == 1
+    assert "no link has a visual shape; --meshes names a folder of meshes" in result.output
+
+
+def test_links_beyond_the_tolerance_are_named() -> None:
+    near, far = np.full(100, 1e-3), np.linspace(0.0, 10e-3, 101)
+    links = {
+        "good": Errors(-near, near, near, 1.0),
+        "recess": Errors(far, near, near, 1.0),
+        "gap": Errors(near, far, near, 1.0),
+    }
+    (warning,) = beyond_tolerance(links, 2e-3)
+    assert "within 2 mm, got recess 9.5 mm, gap 9.5 mm;" in warning
+    assert beyond_tolerance(links, 9.6e-3) == []
 
 
 @pytest.mark.slow

@@ -130,11 +130,11 @@ def test_a_robot_that_fails_is_told_of_and_found_again(play: Play, fault: Fault)
         health = play.until(lambda health: health.status == "waiting")
         if fault is not Fault.GARBAGE:
             assert f"robot at {play.servers.rtde.host}:{play.servers.rtde.port}" in health.message
-        assert "it keeps trying" in health.message
+        assert "retrying" in health.message
         assert not health.source.connected
         answer = http.get(f"http://{play.place}/v1/contacts")
         assert answer.status_code == 503
-        assert "it keeps trying" in answer.json()["errors"][0]["reason"]
+        assert "retrying" in answer.json()["errors"][0]["reason"]
     finally:
         play.servers.rtde.fault = Fault.NONE
     health = play.until(lambda health: health.status == "ok")

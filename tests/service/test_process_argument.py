@@ -63,7 +63,7 @@ def dying() -> Iterator[None]:
 def test_a_process_that_locates_and_dies_at_once_is_told_of() -> None:
     async def scenario() -> None:
         process = LocateProcess(SCENE)
-        with pytest.raises(LocateError, match="broke down"):
+        with pytest.raises(LocateError, match="contacts failed"):
             await process.locate([SAMPLE], True)
         process.stop()
 

@@ -18,14 +18,14 @@ SCENES = sorted(FOLDER.glob("*.yaml"))
 
 
 @pytest.fixture
-def beside_the_panda(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The working folder holds the Panda's URDF and its surface."""
+def beside_the_panda(tmp_path: Path) -> Path:
+    """The scene of an arm with joint torque sensors, beside the Panda's URDF and its surface."""
     try:
         shutil.copy(panda.urdf(), tmp_path / "panda.urdf")
     except panda.NoPandaError as error:
         pytest.skip(str(error))
     shutil.copy(panda.SURFACE, tmp_path / "panda.surface.yaml")
-    monkeypatch.chdir(tmp_path)
+    return Path(shutil.copy(FOLDER / "joint_torque_sensors.yaml", tmp_path))
 
 
 @pytest.mark.parametrize("path", [path for path in SCENES if "panda" not in path.read_text()])
@@ -35,9 +35,8 @@ def test_the_scenes_of_the_page_load(path: Path) -> None:
     assert f"examples/cells/{path.name}" in PAGE
 
 
-@pytest.mark.usefixtures("beside_the_panda")
-def test_the_scene_of_another_make_loads() -> None:
-    path = FOLDER / "joint_torque_sensors.yaml"
+def test_the_scene_of_another_make_loads(beside_the_panda: Path) -> None:
+    path = beside_the_panda
     scene = Scene.load(path)
     assert len(scene.robot.joints) == 7
     assert all(link.primitives for link in scene.robot.links)

@@ -22,5 +22,5 @@ def test_every_mistake_is_named_and_no_right_setup_accused() -> None:
 def test_the_table_is_printed() -> None:
     result = CliRunner().invoke(setup, ["--arm", "ur5e", "--draws", "0", "--right", "1", "--seconds", "8"])
     assert result.exit_code == 0, result.output
-    assert "right setups accused: 0 of 1" in result.output
+    assert "right setups with a line reported as wrong: 0 of 1" in result.output
     assert max(len(line) for line in result.output.splitlines()) <= 80

@@ -153,6 +153,7 @@ def test_a_joint_that_cannot_be_excited_is_named() -> None:
     ("settings", "message"),
     [
         (ExcitationSettings(home=(0.0, 1.2, 0.0, 0.0, 0.0, 0.0)), "home: this posture is lower than 0.05 m"),
+        (ExcitationSettings(floor=3.0), "home: the default posture, that of UR arms, is lower than 3 m"),
         (ExcitationSettings(home=(0.0, 0.0)), "home: expected 6 angles, got 2"),
         (ExcitationSettings(seconds=1.0), "seconds: expected at least 4"),
         (ExcitationSettings(seconds=8.0, torque=0.01), "no motion of 8 s found"),

@@ -65,7 +65,7 @@ def test_robot_and_scene(idle: httpx.Client) -> None:
 def test_no_estimate_without_a_robot(idle: httpx.Client) -> None:
     answer = idle.get("/v1/contacts")
     assert answer.status_code == 503
-    assert "no robot was named" in answer.json()["errors"][0]["reason"]
+    assert "no robot is configured" in answer.json()["errors"][0]["reason"]
 
 
 def test_locate_one(idle: httpx.Client) -> None:

@@ -6,9 +6,11 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from contactsense import Scene
 from contactsense.service.api.settings import Settings, SettingsError
 from contactsense.service.api.variables import misspelled
 from contactsense.service.cli.scene_show import show
+from tests.service.seven_joints import seven_joints
 from tests.service.ur_rtde import ur_rtde_installed
 
 
@@ -125,6 +127,16 @@ def test_a_base_sensor_must_be_somewhere() -> None:
     settings = Settings(robot_host="192.0.2.1")
     with pytest.raises(SettingsError, match=r"--ft-host.*--ft-fields.*neither"):
         settings.open_source(settings.load_scene())
+
+
+def test_rtde_has_six_joints(tmp_path: Path) -> None:
+    scene = seven_joints(tmp_path)
+    with pytest.raises(
+        SettingsError, match=r"^--robot-host: expected an arm with 6 joints, .* with 7; .*push"
+    ):
+        Settings(robot_host="192.0.2.1").open_source(scene)
+    with pytest.raises(SettingsError, match=r"got neither"):
+        Settings(robot_host="192.0.2.1").open_source(Scene(robot="ur5e"))
 
 
 @pytest.mark.parametrize("given", [{"ft_host": "192.0.2.2"}, {"ft_fields": "a,b,c,d,e,f"}])

@@ -70,13 +70,13 @@ class Row:
 
 
 ROWS = [
-    Row("MUTE", "server", "waiting", "has been mute|gave no answer"),
+    Row("MUTE", "server", "waiting", "has been silent|gave no answer"),
     Row("CLOSE", "server", "waiting", "closed the connection|cannot be reached"),
-    Row("HALF", "server", "waiting", "has been mute|gave no answer"),
-    Row("GARBAGE", "server", "waiting", "expected|has been mute|gave no answer"),
+    Row("HALF", "server", "waiting", "has been silent|gave no answer"),
+    Row("GARBAGE", "server", "waiting", "expected|has been silent|gave no answer"),
     Row("SPLIT", "server", "ok", ""),
-    Row("ZERO_LENGTH", "server", "waiting", "expected|has been mute|gave no answer"),
-    Row("LOST_BYTE", "server", "waiting", "expected|has been mute|gave no answer"),
+    Row("ZERO_LENGTH", "server", "waiting", "expected|has been silent|gave no answer"),
+    Row("LOST_BYTE", "server", "waiting", "expected|has been silent|gave no answer"),
     Row("TIME_BACK", "server", "ok|degraded", ""),
     Row("closed", "handshake", "waiting", "closed the connection|connection lost"),
     Row("mute", "handshake", "waiting", "gave no answer|no answer in time"),
@@ -112,7 +112,7 @@ ROWS = [
     Row("10 % are missing", "robot", "degraded", "% of the robot's packets were lost"),
     Row("doubled", "robot", "ok|degraded", "samples arrive|repeat the time stamp"),
     Row("spikes of 300 Nm", "robot", "ok|degraded", ""),
-    Row("mute", "sensor", "degraded", "mute, it sends no readings|lack the force/torque reading"),
+    Row("mute", "sensor", "degraded", "silent, it sends no readings|lack the force/torque reading"),
     Row("frozen", "sensor", "degraded", "repeats the same reading"),
     Row("one component is frozen", "sensor", "degraded", r"base_wrench\[3\]: "),
     Row("one component is zero", "sensor", "degraded", r"base_wrench\[2\]: ", onsets=1, touched=".*"),

@@ -26,7 +26,7 @@ def test_a_process_that_dies_is_told_of_and_started_again() -> None:
             assert EstimateOut.model_validate_json(body).contacts[0].link == "forearm"
             assert process._process is not None
             os.kill(process._process.pid or 0, signal.SIGKILL)
-            with pytest.raises(LocateError, match="broke down"):
+            with pytest.raises(LocateError, match="contacts failed"):
                 await process.locate([SAMPLE] * 50, True)
             assert len(await process.locate([SAMPLE], True)) == 1
         finally:
@@ -48,7 +48,7 @@ def test_a_process_that_cannot_be_started_is_started_with_the_next_request(
         with monkeypatch.context() as patch:
             patch.setattr(SpawnProcess, "start", refuse)
             for _ in range(3):
-                with pytest.raises(LocateError, match="broke down"):
+                with pytest.raises(LocateError, match="contacts failed"):
                     await process.locate([SAMPLE], True)
         assert len(os.listdir("/proc/self/fd")) == opened
         try:

@@ -16,10 +16,10 @@ def test_all_is_well():
 @pytest.mark.parametrize(
     ("change", "status", "reason"),
     [
-        ({"process": "none"}, "idle", "no robot was named"),
+        ({"process": "none"}, "idle", "no robot is configured"),
         ({"process": "starting"}, "starting", "loading its kernels"),
         ({"process": "starting", "end": "ended (exit code 3)"}, "failing", "exit code 3"),
-        ({"process": "ended", "end": "ended (exit code 3)"}, "failing", "started again"),
+        ({"process": "ended", "end": "ended (exit code 3)"}, "failing", "being restarted"),
         ({"report_age": 1.2}, "failing", "has not reported for 1.2 s"),
         ({"connected": False}, "waiting", "no data from the robot"),
         ({"connected": False, "trouble": ("robot at a: mute",)}, "waiting", "a: mute"),

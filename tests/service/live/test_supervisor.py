@@ -61,7 +61,7 @@ def test_a_mute_robot_is_told_of_and_no_reason_to_give_up() -> None:
         async with running(fakes.Mute) as (runner, heard):
             await until(lambda: runner.status == "waiting")
             assert "192.0.2.1:30004 cannot be reached" in runner.message
-            assert "it keeps trying" in runner.message
+            assert "retrying" in runner.message
             assert not runner.current
             assert not heard
 

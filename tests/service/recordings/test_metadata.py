@@ -39,5 +39,5 @@ def test_a_recording_carries_every_field_of_its_scene(file: Path) -> None:
 
 def test_a_calibrated_scene_keeps_the_surface_of_its_tool(file: Path) -> None:
     scene = Scene.load(file)
-    file.write_text(scene_text(file, scene), encoding="utf-8")
+    file.write_text(scene_text(file, scene, file), encoding="utf-8")
     assert Scene.load(file).model_dump() == scene.model_dump()

@@ -9,6 +9,7 @@ from click.testing import CliRunner, Result
 from contactsense import Scene
 from contactsense.service.cli import scene_new, serve
 from contactsense.service.cli.main import cli
+from tests.service.seven_joints import seven_joints
 
 
 def _run(*words: object, answers: str | None = None) -> Result:
@@ -139,3 +140,26 @@ def test_serve_warns_of_a_range_that_is_too_small(
     result = CliRunner().invoke(cli, ["serve", "--scene", str(tmp_path / "a.yaml")])
     assert result.exit_code == 1
     assert "scene: base_wrench.range: expected more than" in caplog.text
+
+
+def test_a_scene_elsewhere_names_the_same_arm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    seven_joints(tmp_path)
+    (tmp_path / "cell").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert _run("new", "cell/a.yaml", "--robot", "seven.urdf").exit_code == 0
+    assert "robot: ../seven.urdf" in Path("cell/a.yaml").read_text(encoding="utf-8")
+    assert Scene.load("cell/a.yaml").robot.name == "seven"
+
+
+def test_the_error_of_the_surface_is_shown(tmp_path: Path) -> None:
+    """Each place has an error of its own where the surface file states it, unless the scene has another."""
+    seven_joints(tmp_path)
+    (tmp_path / "own.yaml").write_text("robot: ur5e\n")
+    (tmp_path / "same.yaml").write_text("robot: ur5e\nsurface_error: 0.001\n")
+    shown = {
+        name: " ".join(_run("show", tmp_path / f"{name}.yaml").output.split())
+        for name in ("own", "same", "seven")
+    }
+    assert "as far from the skin as fine_deviation of the surface file says" in shown["own"]
+    assert "detail fine, within 1 mm (one sigma)" in shown["same"]
+    assert "detail fine, within 0.5 mm (one sigma)" in shown["seven"]

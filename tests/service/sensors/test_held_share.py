@@ -48,5 +48,5 @@ def test_only_connections_are_tried_again() -> None:
         ).trouble_while_running
 
     assert told(well) == lacking[0]
-    assert told(lost) == f"robot at a: mute; it keeps trying; {lacking[0]}"
+    assert told(lost) == f"robot at a: mute; retrying; {lacking[0]}"
     assert told(lost, reconnects=False) == f"robot at a: mute; {lacking[0]}"

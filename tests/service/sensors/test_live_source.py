@@ -237,7 +237,7 @@ def test_a_mute_force_torque_sensor_leaves_samples_without_it():
         servers.netft.mute = True
         assert until(lambda: (got := source.poll(0.1)) and got[-1].base_wrench is None)
         assert all(sample.base_wrench is None for sample in collect(source, 50))
-        assert until(lambda: source.poll(0.1) and "mute, it sends no readings" in source.health.trouble)
+        assert until(lambda: source.poll(0.1) and "silent, it sends no readings" in source.health.trouble)
         before = source.health.without_wrench
         assert before >= 50
         servers.netft.mute = False

@@ -90,9 +90,9 @@ def test_text_messages_do_not_disturb():
 @pytest.mark.parametrize(
     ("fault", "complaint"),
     [
-        (Fault.MUTE, "has been mute for 0.2 s"),
+        (Fault.MUTE, "has been silent for 0.2 s"),
         (Fault.CLOSE, "closed the connection"),
-        (Fault.HALF, "has been mute for 0.2 s"),
+        (Fault.HALF, "has been silent for 0.2 s"),
         (Fault.GARBAGE, "expected"),
         (Fault.ZERO_LENGTH, "expected a frame of at least 3 bytes, got 0"),
         (Fault.LOST_BYTE, "expected"),

@@ -16,13 +16,16 @@ POINT = np.array([-0.2, 0.05, 0.0])
 
 def test_without_contact_they_tell_what_would_be_noticed() -> None:
     assert (
-        in_words(estimate(SCENE)) == "**Nothing is felt.**\n\nA held push of 3.2 N would be noticed anywhere."
+        in_words(estimate(SCENE))
+        == "**No contact detected.**\n\nA held push of 3.2 N would be detected anywhere."
     )
 
 
 def test_blind_is_not_nothing() -> None:
     blind = replace(estimate(SCENE), status="degraded", reason="no sensor has a value in this sample")
-    assert in_words(blind).startswith("**Degraded.** **The sensors cannot tell.**\n\nno sensor has a value")
+    assert in_words(blind).startswith(
+        "**Degraded.** **Contacts cannot be determined.**\n\nno sensor has a value"
+    )
 
 
 def test_the_place_is_within_the_ninety_percent_radius() -> None:
