@@ -1,4 +1,5 @@
-"""Fields of a scene that name files. In a scene file they are relative to the folder of that file."""
+"""Fields of a scene that name files. In a scene file they are relative to the folder of that file; where no
+such file is there, they are relative to the working folder."""
 
 import os
 from collections.abc import Mapping
@@ -12,7 +13,7 @@ _FIELDS = ("robot", "kinematics", "meshes")
 
 def located(fields: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     """The fields of a scene file in `folder`, with the absolute paths of the files that they name."""
-    return {**fields, **{name: str((folder / fields[name]).absolute()) for name in _relative(fields)}}
+    return {**fields, **{name: str(_place(folder, fields[name])) for name in _relative(fields)}}
 
 
 def moved(fields: Mapping[str, Any], before: Path, after: Path) -> dict[str, Any]:
@@ -22,8 +23,15 @@ def moved(fields: Mapping[str, Any], before: Path, after: Path) -> dict[str, Any
     start = after.resolve()
     return {
         **fields,
-        **{name: os.path.relpath((before / fields[name]).resolve(), start) for name in _relative(fields)},
+        **{
+            name: os.path.relpath(_place(before, fields[name]).resolve(), start) for name in _relative(fields)
+        },
     }
+
+
+def _place(folder: Path, path: str) -> Path:
+    beside = (folder / path).absolute()
+    return Path(path).absolute() if Path(path).exists() and not beside.exists() else beside
 
 
 def _relative(fields: Mapping[str, Any]) -> list[str]:

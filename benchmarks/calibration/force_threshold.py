@@ -18,9 +18,9 @@ class ForceThreshold(NamedTuple):
 def force_threshold(detected: int, touches: int, least: float, largest: float) -> ForceThreshold:
     """The estimate of Spearman and Kaerber (D. J. Finney, "Statistical method in biological assay", 1978).
 
-    Each place and direction has a smallest force that is detected. If forces are drawn log-uniformly, the share
-    that is not detected is where in their range its logarithm lies on average. Where a force outside of the range
-    would be needed, the end of the range counts.
+    Each place and direction has a smallest force that is detected. If forces are drawn log-uniformly, the
+    share that is not detected is where in their range its logarithm lies on average. Where a force outside of
+    the range would be needed, the end of the range counts.
 
     Args:
         detected: Number of touches that were detected.

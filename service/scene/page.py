@@ -24,7 +24,7 @@ _BEGINNING = (
     "## All fields",
     "Fields without default are required. Three numbers are x, y, z; angles are roll, pitch, yaw about fixed "
     "axes. Where a field of the joints takes one number for all, it also takes one per joint. Relative "
-    "paths are relative to the folder of the scene file.",
+    "paths are relative to the folder of the scene file or, if no such file is there, to the working folder.",
 )
 """Paragraphs before the tables."""
 _DEFAULTS = {"required": "required", "{}": "the defaults below"}

@@ -1,4 +1,4 @@
-"""The smallest felt force is that of touches whose thresholds are known."""
+"""The smallest detected force is that of touches whose thresholds are known."""
 
 import math
 
@@ -17,7 +17,7 @@ def test_it_is_the_geometric_mean_of_thresholds_that_differ() -> None:
     assert mean == pytest.approx(20.0, rel=0.05)
 
 
-def test_one_that_feels_nothing_or_everything_is_at_an_end_of_the_range() -> None:
+def test_one_that_detects_nothing_or_everything_is_at_an_end_of_the_range() -> None:
     assert force_threshold(0, 40, 5.0, 150.0).mean == pytest.approx(150.0)
     everything = force_threshold(40, 40, 5.0, 150.0)
     assert everything.mean == pytest.approx(5.0)
