@@ -33,6 +33,8 @@ WITHOUT = (
     "service/wire",
 )
 """Folders whose tests locate no contact and use kernels of their own."""
+TOGETHER = ("contactsense/multi_contact", "service/analysis")
+"""Folders whose tests share kernels of their own, which two workers would both compile."""
 LIVE = {"serving", "MockServers", "LiveServers", "NetFtServer", "RtdeServer", "Stage"}
 """A test file that imports one of these keeps simulated devices, or services that listen to them."""
 
@@ -42,8 +44,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """One worker compiles the localizer while another works on what can do without it; side by side on the
     files that need it, both would compile the same kernels.
 
-    A file's tests go to one worker, which makes their fixtures once. All live services go to one worker, as
-    two at a time would take the processor from each other; those that measure in real time come last.
+    A file's tests go to one worker, which makes their fixtures once, as do those of some folders. All live
+    services go to one worker, as two at a time would take the processor from each other; those that measure
+    in real time come last.
     """
     root = Path(__file__).parent
 
@@ -66,6 +69,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             group = "first"
         elif _is_realtime(item) or _is_live(item):
             group = "realtime" if _is_realtime(item) else "live"
+        else:
+            group = next((folder for folder in TOGETHER if group.startswith(folder)), group)
         item.add_marker(pytest.mark.xdist_group(group))
 
 

@@ -119,9 +119,11 @@ class NetFtServer:
     def _run(self) -> None:
         k = max(0, int(self._clock.now() * self._rate))
         while not self._stopping.is_set():
-            deadline = self._clock.deadline_ns(k / self._rate) + self._delay_ns
-            while deadline - time.monotonic_ns() > NS // 5 and not self._stopping.is_set():
-                time.sleep(0.2)
+            # As in the RTDE server.
+            while (deadline := self._deadline_ns(k)) - time.monotonic_ns() > NS // 5:
+                if self._stopping.is_set():
+                    return
+                time.sleep(0.05)
                 self._read()
             if not self._streams:
                 # No clients: no need to wake up for every reading.
@@ -134,6 +136,10 @@ class NetFtServer:
             if not self.mute:
                 self._send(k)
             k += 1
+
+    def _deadline_ns(self, k: int) -> int:
+        """Host time at which record k is sent [ns]."""
+        return self._clock.deadline_ns(k / self._rate) + self._delay_ns
 
     def _read(self) -> None:
         while True:

@@ -47,6 +47,10 @@ class SimClock:
     def __init__(self, start_ns: int | None = None) -> None:
         self.start_ns = time.monotonic_ns() if start_ns is None else start_ns
 
+    def start(self) -> None:
+        """Simulated time is 0 now: for a clock whose start lies ahead."""
+        self.start_ns = time.monotonic_ns()
+
     def now(self) -> float:
         """Simulated time [s]."""
         return (time.monotonic_ns() - self.start_ns) / NS

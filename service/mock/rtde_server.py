@@ -135,6 +135,12 @@ class RtdeServer:
             return len(self._clients)
 
     @property
+    def streams(self) -> int:
+        """Number of clients that are sent packets."""
+        with self._clients_lock:
+            return sum(client.started for client in self._clients)
+
+    @property
     def fault(self) -> Fault:
         """The injected fault; set it to make the server misbehave."""
         return self._fault
@@ -298,10 +304,11 @@ class RtdeServer:
     def _stream(self) -> None:
         k = max(0, int(self._clock.now() * RATE))
         while not self._stopping.is_set():
-            deadline = self._clock.deadline_ns(k / RATE) + self._delay_ns
-            # In steps, so that a clock that starts later does not delay `close`.
-            while (left := deadline - time.monotonic_ns()) > NS // 5 and not self._stopping.is_set():
-                time.sleep(0.2 if left > NS // 5 else 0.0)
+            # In steps: a clock that starts later does not delay `close`, and may be started meanwhile.
+            while (deadline := self._deadline_ns(k)) - time.monotonic_ns() > NS // 5:
+                if self._stopping.is_set():
+                    return
+                time.sleep(0.05)
             self._clock.sleep_until(deadline)
             self.controller.advance(k / RATE)
             with self._clients_lock:
@@ -312,6 +319,10 @@ class RtdeServer:
             for client in due:
                 self._send_packet(client, k, now)
             k += 1
+
+    def _deadline_ns(self, k: int) -> int:
+        """Host time at which packet k is sent [ns]."""
+        return self._clock.deadline_ns(k / RATE) + self._delay_ns
 
     def _send_packet(self, client: _Client, k: int, now: int) -> None:
         assert client.pack is not None

@@ -14,13 +14,13 @@ from typing import TypeVar
 
 from contactsense.service.sensors.host_names import HostName
 from contactsense.service.sensors.robot_stream import (
-    NS,
     Backoff,
     LossCounter,
     RobotRecord,
     SensorError,
     StreamHealth,
 )
+from contactsense.service.sensors.silence_timer import SilenceTimer
 from contactsense.service.wire import rtde as wire
 
 DEFAULT_PORT = 30004
@@ -38,7 +38,8 @@ class RtdeConnection:
         port: TCP port.
         frequency: Packet rate [Hz]; controllers send at most 500 (e-Series) or 125.
         timeout: Maximum wait for the connection and for each answer during setup [s].
-        silence: Maximum time without a complete packet once data arrives [s].
+        silence: Maximum time without a complete packet once data arrives [s]; time in which the host stood
+            still does not count.
         address: Address of `host`, if it is already known.
 
     Raises:
@@ -59,7 +60,7 @@ class RtdeConnection:
         address: str | None = None,
     ) -> None:
         self._place = f"robot at {host}:{port}"
-        self._silence_ns = int(silence * NS)
+        self._silence = silence
         self._timeout = timeout
         self._decoder = wire.FrameDecoder()
         self._pending: wire.RtdeProtocolError | None = None
@@ -78,7 +79,8 @@ class RtdeConnection:
         self._socket.setblocking(False)
         self._poller = select.poll()
         self._poller.register(self._socket, select.POLLIN)
-        self._last_ns = time.monotonic_ns()
+        self._connected_ns = time.monotonic_ns()
+        self._timer = SilenceTimer(self._connected_ns)
 
     def _set_up(self, names: tuple[str, ...], frequency: float) -> None:
         agreed = self._ask(wire.ProtocolVersionRequest(), wire.ProtocolVersionReply)
@@ -141,7 +143,7 @@ class RtdeConnection:
         if self._first:
             # Packets may have arrived together with the answer to the start request.
             self._first = False
-            records = self._decode(self._last_ns)
+            records = self._decode(self._connected_ns)
             if records:
                 return records
         if self._poller.poll(timeout * 1e3):
@@ -150,10 +152,10 @@ class RtdeConnection:
             self._decoder.feed(chunk)
             records = self._decode(arrival)
             if records:
-                self._last_ns = arrival
+                self._timer.heard(arrival)
                 return records
-        if time.monotonic_ns() - self._last_ns > self._silence_ns:
-            raise SensorError(f"{self._place} has been silent for {self._silence_ns / NS:g} s")
+        if self._timer.nothing(time.monotonic_ns(), timeout) > self._silence:
+            raise SensorError(f"{self._place} has been silent for {self._silence:g} s")
         return []
 
     def _receive(self) -> bytes:

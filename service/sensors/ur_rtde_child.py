@@ -1,7 +1,8 @@
 """The process in which ur_rtde's receive interface runs; it may abort or hang without affecting its parent.
 
 Started by `contactsense.service.sensors.ur_rtde_client`. Arguments: a socket's descriptor, host, frequency,
-field names. Sends datagrams on the socket: `R` and doubles for a record, `E` and text for a failure.
+field names. Sends datagrams on the socket: `S` once it has started, `R` and doubles for a record, `E` and
+text for a failure.
 """
 
 import ctypes
@@ -39,6 +40,9 @@ GETTERS = {
 }
 """RTDE field -> the getter of ur_rtde's receive interface; fields without a getter cannot be read."""
 
+STARTED = b"S"
+"""Sent before the connection to the robot is opened."""
+
 HEAD = struct.Struct("=cqd")
 """Header of a record: its letter, arrival on the host's monotonic clock [ns], the robot's time stamp [s]."""
 
@@ -58,6 +62,7 @@ def main(arguments: Sequence[str]) -> None:
     host, frequency, fields = arguments[1], float(arguments[2]), arguments[3:]
     from rtde_receive import RTDEReceiveInterface
 
+    channel.send(STARTED)
     try:
         robot = RTDEReceiveInterface(host, frequency, ["timestamp", *fields])
     except RuntimeError as error:

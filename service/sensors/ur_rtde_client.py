@@ -16,14 +16,14 @@ from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, suppress
 
 from contactsense.service.sensors.robot_stream import (
-    NS,
     Backoff,
     LossCounter,
     RobotRecord,
     SensorError,
     StreamHealth,
 )
-from contactsense.service.sensors.ur_rtde_child import GETTERS, HEAD
+from contactsense.service.sensors.silence_timer import SilenceTimer
+from contactsense.service.sensors.ur_rtde_child import GETTERS, HEAD, STARTED
 from contactsense.service.wire.recipe import Recipe
 from contactsense.service.wire.rtde_fields import OUTPUTS
 
@@ -31,6 +31,8 @@ _DATAGRAM = 1 << 14
 """Largest message of the child [bytes]."""
 _LAST_WORDS = 4096
 """End of the child's error output that is kept [bytes]."""
+_START = 30.0
+"""Time allowed for the child to start, on a computer that is busy with other things [s]."""
 _BATCH = 64
 """Records that are read in one poll at most."""
 
@@ -42,8 +44,9 @@ class UrRtdeStream:
         host: Address of the robot; ur_rtde always uses port 30004.
         fields: Requested RTDE fields; ur_rtde must have a getter for each.
         frequency: Packet rate [Hz].
-        timeout: Maximum wait for the first record of a new child; after that it is killed [s].
-        silence: Maximum time without a new record; after that the child is killed [s].
+        timeout: Maximum wait for the first record once a new child has started; after that it is killed [s].
+        silence: Maximum time without a new record; after that the child is killed [s]. Time in which the host
+            stood still does not count.
 
     Raises:
         SensorError: ur_rtde is not installed, or has no getter for a field.
@@ -71,7 +74,7 @@ class UrRtdeStream:
                 f"ur_rtde has no getter for {', '.join(unknown)}; expected fields out of {', '.join(GETTERS)}"
             )
         self._host, self._frequency, self._fields = host, frequency, wanted
-        self._timeout_ns, self._silence_ns = int(timeout * NS), int(silence * NS)
+        self._timeout, self._silence = timeout, silence
         self._backoff = backoff or Backoff()
         names = ("timestamp", *wanted)
         self._slices = Recipe(0, names, [OUTPUTS[name] for name in names]).slices
@@ -81,7 +84,7 @@ class UrRtdeStream:
         self._channel: socket.socket | None = None
         self._stderr = -1
         self._words = b""
-        self._deadline_ns = 0
+        self._timer, self._allowed = SilenceTimer(0), timeout
         self._end: str | None = None
         self.health = StreamHealth()
         """Counters and the latest problem."""
@@ -143,7 +146,8 @@ class UrRtdeStream:
                 ) from None
         self._channel.setblocking(False)
         os.set_blocking(self._stderr, False)
-        self._deadline_ns = time.monotonic_ns() + self._timeout_ns
+        self._timer = SilenceTimer(time.monotonic_ns())
+        self._allowed = _START
 
     def _receive(self, timeout: float) -> list[RobotRecord]:
         assert self._channel is not None
@@ -160,6 +164,10 @@ class UrRtdeStream:
                     break
                 except ConnectionResetError:
                     datagram = b""
+                if datagram == STARTED:
+                    self._timer.heard(time.monotonic_ns())
+                    self._allowed = self._timeout
+                    continue
                 if datagram[:1] != b"R":
                     self._end = datagram[1:].decode("utf-8", "replace")
                     if not records:
@@ -169,8 +177,9 @@ class UrRtdeStream:
         self._listen()
         now = time.monotonic_ns()
         if records:
-            self._deadline_ns = now + self._silence_ns
-        elif now > self._deadline_ns:
+            self._timer.heard(now)
+            self._allowed = self._silence
+        elif self._timer.nothing(now, timeout) > self._allowed:
             raise SensorError(
                 f"ur_rtde delivered nothing new from the robot at {self._host}; its process was killed"
             )

@@ -91,7 +91,7 @@ def test_the_demo_can_be_interrupted(number: signal.Signals) -> None:
     assert "Traceback" not in out + err
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [pytest.param(signal.SIGINT, marks=pytest.mark.slow), signal.SIGTERM])
 def test_serve_tells_where_it_is_and_ends_when_told(number: signal.Signals) -> None:
     process = contactsense("serve", "--port", "0")
     assert process.stdout is not None

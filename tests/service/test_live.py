@@ -4,6 +4,7 @@ import json
 import time
 from collections.abc import Callable, Iterator
 
+import httpx
 import numpy as np
 import pytest
 from websockets.sync.client import connect
@@ -16,7 +17,7 @@ from contactsense.service.mock.servers import MockServers, MockSettings
 from contactsense.service.mock.simulated_arm import Motion, simulate
 from contactsense.service.mock.wire_faults import Fault
 from tests.service import http
-from tests.service.loopback import own_address
+from tests.service.loopback import own_address, until
 from tests.service.serving import serving
 
 SCRIPT = Script.model_validate(
@@ -62,6 +63,17 @@ class Play:
             time.sleep(0.02)
         return health
 
+    def contacts(self, status: int) -> httpx.Response:
+        """The answer to `GET /v1/contacts`, once it has that status."""
+        answers: list[httpx.Response] = []
+
+        def answered() -> bool:
+            answers.append(http.get(f"http://{self.place}/v1/contacts"))
+            return answers[-1].status_code == status
+
+        assert until(answered, 60.0)
+        return answers[-1]
+
 
 @pytest.fixture(scope="module")
 def play() -> Iterator[Play]:
@@ -89,19 +101,26 @@ def play() -> Iterator[Play]:
 
 
 def test_contacts_are_found_over_the_wire(play: Play) -> None:
+    """Judged are the estimates of samples with all readings: a host that stands still loses some of them, and
+    the script is watched until there are enough."""
     found: dict[str, list[EstimateOut]] = {"forearm": [], "upper_arm": [], "nothing": []}
     with connect(f"ws://{play.place}/v1/stream", close_timeout=0.5) as stream:
-        for _ in range(round(play.motion.rate * SCRIPT.duration)):
-            estimate = EstimateOut.model_validate_json(stream.recv(timeout=10))
+        deadline = time.monotonic() + 280.0
+        while min(len(found["forearm"]), len(found["upper_arm"]), 2 * len(found["nothing"])) <= 100:
+            assert time.monotonic() < deadline, {what: len(estimates) for what, estimates in found.items()}
+            message = stream.recv(timeout=10)
+            if '"lost"' in str(message):
+                continue
+            estimate = EstimateOut.model_validate_json(message)
             phase = estimate.t % SCRIPT.duration
             for what, begin, end in (("forearm", 0.7, 1.4), ("upper_arm", 2.2, 2.5), ("nothing", 1.75, 1.95)):
-                if begin < phase < end:
+                if begin < phase < end and "is missing" not in estimate.reason:
                     found[what].append(estimate)
     assert all(not estimate.contacts for estimate in found["nothing"])
     for touch in play.motion.touches:
         estimates = found[touch.link]
         right = [e.contacts[0] for e in estimates if e.contacts and e.contacts[0].link == touch.link]
-        assert len(right) > 0.9 * len(estimates) > 100
+        assert len(right) > 0.9 * len(estimates)
         off = [np.linalg.norm(np.array(contact.point) - touch.point_link) for contact in right]
         assert np.median(off) < 0.01
         assert np.median([np.linalg.norm(contact.force_base) for contact in right]) == pytest.approx(
@@ -110,7 +129,7 @@ def test_contacts_are_found_over_the_wire(play: Play) -> None:
 
 
 def test_the_latest_estimate_is_the_streams(play: Play) -> None:
-    estimate = EstimateOut.model_validate(http.get(f"http://{play.place}/v1/contacts").json())
+    estimate = EstimateOut.model_validate(play.contacts(200).json())
     assert len(estimate.link_probability) == 7
 
 
@@ -127,20 +146,18 @@ def test_the_latest_estimate_is_the_streams(play: Play) -> None:
 def test_a_robot_that_fails_is_told_of_and_found_again(play: Play, fault: Fault) -> None:
     play.servers.rtde.fault = fault
     try:
-        health = play.until(lambda health: health.status == "waiting")
-        if fault is not Fault.GARBAGE:
-            assert f"robot at {play.servers.rtde.host}:{play.servers.rtde.port}" in health.message
+        place = f"robot at {play.servers.rtde.host}:{play.servers.rtde.port}"
+        told = "retrying" if fault is Fault.GARBAGE else place
+        health = play.until(lambda health: health.status == "waiting" and told in health.message)
         assert "retrying" in health.message
         assert not health.source.connected
-        answer = http.get(f"http://{play.place}/v1/contacts")
-        assert answer.status_code == 503
-        assert "retrying" in answer.json()["errors"][0]["reason"]
+        assert "retrying" in play.contacts(503).json()["errors"][0]["reason"]
     finally:
         play.servers.rtde.fault = Fault.NONE
     health = play.until(lambda health: health.status == "ok")
     assert health.source.robot.last_error  # stays for whoever asks later
     assert health.pipeline.restarts == 0
-    assert http.get(f"http://{play.place}/v1/contacts").status_code == 200
+    assert play.contacts(200)
 
 
 def test_a_mute_force_torque_sensor_is_told_of_and_the_rest_goes_on(play: Play) -> None:
@@ -152,7 +169,7 @@ def test_a_mute_force_torque_sensor_is_told_of_and_the_rest_goes_on(play: Play) 
         assert health.source.connected
         with connect(f"ws://{play.place}/v1/stream", close_timeout=0.5) as stream:
             messages = [json.loads(stream.recv(timeout=10)) for _ in range(50)]
-        assert "base_wrench" in messages[-1]["reason"]
+        assert "base_wrench" in [message["reason"] for message in messages if "reason" in message][-1]
     finally:
         play.servers.netft.mute = False
     play.until(lambda health: health.status == "ok")

@@ -19,8 +19,8 @@ def test_a_robot_that_is_dead_at_the_start() -> None:
     settings = Settings(robot_host=host, ft_host=host, ft_http_port=49180)
     with serving(create_app(settings)) as place:
         play = Play(simulate(SCRIPT), None, place)  # type: ignore[arg-type]
-        health = play.until(lambda health: health.status != "starting")
-        assert health.status == "waiting"
+        health = play.until(lambda health: health.status == "waiting")
+        assert health.pipeline.restarts == 0
         assert f"robot at {host}:30004 cannot be reached" in health.message
         assert "force/torque sensor" in health.message
         with MockServers(play.motion, chosen):

@@ -75,12 +75,18 @@ def _evaluate(w: np.ndarray, L: np.ndarray, force_deviation: float = 0.0) -> tup
     return _evaluate_block(w, L, [(*PLACE, *NORMAL, WIDTH)], force_deviation)[0]
 
 
+@pytest.fixture(scope="module")
+def draws() -> np.ndarray:
+    return _draw_from_prior(np.random.default_rng(0), 1_000_000)[0]
+
+
 @pytest.mark.parametrize("noise", [(3.0, 1.0), (6.0, 2.0)])
-def test_the_evidence_agrees_with_monte_carlo_integration(noise: tuple[float, float]) -> None:
+def test_the_evidence_agrees_with_monte_carlo_integration(
+    draws: np.ndarray, noise: tuple[float, float]
+) -> None:
     rng = np.random.default_rng(1)
     sigma = np.repeat(noise, 3)
     L = np.diag(sigma**-2.0)
-    draws, _ = _draw_from_prior(rng, 2_000_000)
     for truth in _draw_from_prior(rng, 6)[0]:
         w = truth + sigma * rng.standard_normal(6)
         monte_carlo = logsumexp(-0.5 * (((draws - w) / sigma) ** 2).sum(axis=1)) - np.log(len(draws))

@@ -87,7 +87,7 @@ def test_forces_are_those_which_the_earlier_sample_measured_there(case: Case, co
     optimizer."""
     prior, rows, joint = case.constants.prior, case.buffers.rows, case.buffers.joint
     scale = np.tile((1.0, 1.0, 1.0, 0.01, 0.001), count)
-    for _ in range(4):
+    for _ in range(2):
         m = _know(case, count)
         known = case.buffers.known
         A = [rows.matrix[case.constants.surfaces.link[p], :m] for p in known.primitive[:count]]

@@ -10,7 +10,9 @@ from contactsense import JointTorqueSensor, Scene
 from contactsense.benchmarks.calibration.recordings import read
 from contactsense.benchmarks.calibration.setup_draws import Settings, right_setup, wrong_setup
 from contactsense.calibration import FreeMotion
-from contactsense.setup_check import CheckError, check, lines
+from contactsense.robots.tool import Tool
+from contactsense.setup_check import CheckError, Finding, Residuals, check, lines
+from contactsense.setup_check.check import _accuse, _tolerance
 from contactsense.setup_check.fit import Fitter
 from contactsense.setup_check.motion_basis import MotionBases, Readings
 from contactsense.setup_check.proposals import roll_and_pitch
@@ -31,6 +33,8 @@ def test_the_wrong_line_is_named(kind: str) -> None:
     found = check(case.scene, [case.recording])
     assert [item.line for item in found.wrong] == [case.line]
     assert not found.fits
+    # What explains the readings about as well, and nothing else: the tool's mass is also a part of `tool`.
+    assert found.wrong[0].instead == (("tool",) if case.line == "tool.mass" else ())
     assert found.wrong[0].before is not None
     assert found.wrong[0].after == found.residuals
 
@@ -55,6 +59,23 @@ def test_two_wrong_lines_are_both_named() -> None:
     heavier = case.scene.tool.model_copy(update={"mass": case.scene.tool.mass + 2.0})
     found = check(case.scene.model_copy(update={"tool": heavier}), [case.recording])
     assert [item.line for item in found.wrong] == ["joint positions: unit", "tool.mass"]
+
+
+def test_a_line_that_is_found_wrong_again_keeps_the_value_of_the_scene() -> None:
+    before, between, after = (Residuals(force, 0.1, 1.0) for force in (9.0, 3.0, 1.0))
+    found = [Finding("tool.mass", "does_not_fit", "1", "2", before=before, after=between)]
+    _accuse(found, Finding("tool.mass", "does_not_fit", "2", "1.8", before=between, after=after))
+    assert found == [Finding("tool.mass", "does_not_fit", "1", "1.8", before=before, after=after)]
+
+
+@pytest.mark.parametrize(("mass", "factor"), [(5.0, 1.0), (0.5, 2.0), (0.1, 10.0)])
+def test_the_centre_of_mass_of_a_light_tool_matters_less(mass: float, factor: float) -> None:
+    """What counts is the moment of its weight."""
+    limits = [
+        _tolerance(Free("com"), Setup.of(Scene(robot="ur5e", tool=Tool(mass=kilograms))))
+        for kilograms in (mass, 1.0)
+    ]
+    assert limits[0] == pytest.approx(factor * limits[1])
 
 
 @pytest.mark.parametrize("tared", [False, True])

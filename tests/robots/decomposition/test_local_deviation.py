@@ -8,6 +8,7 @@ from contactsense.robots.decomposition.local_deviation import CELL, lines, local
 from contactsense.robots.decomposition.outer_skin import Skin
 from contactsense.robots.decomposition.surface_error import bodies_of
 from contactsense.robots.primitives import Box
+from contactsense.robots.robot import LocalDeviation
 from contactsense.robots.yaml_schema import table
 
 HALF = 0.2
@@ -28,6 +29,7 @@ def plate() -> Skin:
     return Skin(points, normals, np.ones(8000), (2 * HALF) ** 2)
 
 
+Cells = tuple[LocalDeviation, ...]
 BOX = Box(center=(0.0, 0.0, -0.05), rpy=(0.0, 0.0, 0.0), half=(0.25, 0.25, 0.05), rounding=0.01)
 
 
@@ -69,11 +71,16 @@ def hill() -> Skin:
     return Skin(points, normals, np.ones(40000), (2 * HALF) ** 2)
 
 
-def test_the_moved_surface_is_the_skins_where_that_is_plane() -> None:
+@pytest.fixture(scope="module")
+def moved() -> Cells:
+    """The hill's cells, with the motions that take the primitive onto its skin."""
+    return local_deviation(bodies_of([BOX]), hill(), moved=True)
+
+
+def test_the_moved_surface_is_the_skins_where_that_is_plane(moved: Cells) -> None:
     """On each side the primitive is moved onto the skin, and nothing remains; the ridge and the rims, where
     the nearest point of the primitive is on its rounding, are left out."""
-    cells = local_deviation(bodies_of([BOX]), hill(), moved=True)
-    plain = [cell for cell in cells if CELL < abs(cell.point[0]) < HALF - CELL and abs(cell.point[1]) < HALF]
+    plain = [cell for cell in moved if CELL < abs(cell.point[0]) < HALF - CELL and abs(cell.point[1]) < HALF]
     assert len(plain) > 30
     for cell in plain:
         side, x = np.sign(cell.point[0]), abs(cell.point[0])
@@ -99,11 +106,10 @@ def test_what_remains_is_never_more_than_what_was(monkeypatch: pytest.MonkeyPatc
         assert all(m.offset <= s.offset * 1.001 for m, s in zip(moved, still, strict=True))
 
 
-def test_motions_are_read_as_they_were_written() -> None:
-    cells = local_deviation(bodies_of([BOX]), hill(), moved=True)
-    again = table("\n".join(lines(cells)), 1)
+def test_motions_are_read_as_they_were_written(moved: Cells) -> None:
+    again = table("\n".join(lines(moved)), 1)
     for name, tolerance in (("point", 6e-4), ("shift", 6e-6), ("turn", 0.01)):
-        written, read = ([getattr(cell, name) for cell in some] for some in (cells, again))
+        written, read = ([getattr(cell, name) for cell in some] for some in (moved, again))
         np.testing.assert_allclose(read, written, atol=tolerance)
 
 

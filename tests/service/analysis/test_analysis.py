@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -134,6 +135,11 @@ def test_forces_are_compared_with_the_users_own_limits(analysis: Analysis, tmp_p
         expected = int(contact.transient_force > 22) + int(contact.quasi_static_force > 22)
         assert len(found) == expected
     assert any("face" in found[-1] and "quasi-static" in found[-1] for found in texts if found)
+    # Each kind of force has its own limit.
+    short = replace(analysis.contacts[0], transient_force=30.0, quasi_static_force=10.0)
+    assert limits.exceeded(short) == ["hand: 30.0 N above 22 N (transient)"]
+    long = replace(analysis.contacts[0], transient_force=10.0, quasi_static_force=30.0)
+    assert limits.exceeded(long) == ["face: 30.0 N above 22 N (quasi-static)"]
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from contactsense.robots.primitives import Sphere
 from contactsense.robots.tool import Tool
 from contactsense.runtime.result_rows import POINT_BASE
 from contactsense.service.analysis.contact_history import ContactCollector, ContactHistory
-from contactsense.service.analysis.contact_windows import contact_windows
+from contactsense.service.analysis.contact_windows import LARGEST_TURN, contact_windows
 from contactsense.service.analysis.smoothing import ContactSmoother
 from contactsense.service.analysis.summarize import Summarizer
 from tests.service.analysis.recordings import demo
@@ -46,6 +46,19 @@ def test_windows_hold_the_true_mean_force_also_where_it_changes(histories: list[
             noise = SCENE.base_wrench.force_noise / np.sqrt(windows.samples[w])
             # What the bias filter does not know is a few times the noise of a window.
             np.testing.assert_allclose(windows.base_wrench[w, :3], true, atol=6.0 * noise + 0.1)
+
+
+def test_no_joint_turns_far_within_a_window(histories: list[ContactHistory]) -> None:
+    """A window has one posture; a fast arm needs shorter ones."""
+    history = max(histories, key=lambda history: len(history.t))
+    speed, (begin, end) = 3.0, history.t[[0, -1]]
+    fast = replace(history.block, qd=np.full_like(history.block.qd, speed))
+    slow = contact_windows(history, SCENE.bandwidth)
+    windows = contact_windows(replace(history, block=fast), SCENE.bandwidth)
+    assert slow is not None
+    assert windows is not None
+    assert speed * (end - begin) / len(slow.t) > LARGEST_TURN
+    assert speed * np.diff(history.t[windows.edges]).max() < 1.1 * LARGEST_TURN
 
 
 def test_places_lie_within_their_covariance(histories: list[ContactHistory]) -> None:

@@ -39,6 +39,15 @@ def test_a_stopped_process_and_a_zombie_are_known_as_such():
     assert silence_after(TICKS, "Z")[1] == pytest.approx(2.0)
 
 
+def test_a_process_that_is_stopped_now_and_then_has_not_been_stopped_for_long():
+    silence = Silence(0.0)
+    for k, t in enumerate(TICKS):
+        silence.tick(t, ProcessState("TS"[k % 2], 0.0))
+    assert silence.stopped == 0.0
+    silence.tick(TICKS[-1] + 0.1, ProcessState("T", 0.0))
+    assert silence.stopped == pytest.approx(0.1)
+
+
 def test_our_own_lateness_does_not_count():
     assert silence_after([10.0, 20.0, 30.0], "S")[0] == pytest.approx(0.6)
 

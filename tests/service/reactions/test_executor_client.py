@@ -4,6 +4,7 @@ import json
 import os
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -28,25 +29,38 @@ def results_of(client: ExecutorClient, count: int, timeout: float = 20.0) -> lis
     return results
 
 
-def test_an_action_that_hangs_holds_up_no_other() -> None:
-    slow = CommandAction(type="command", command=("sleep", "60"), timeout=1.5)
-    quick = CommandAction(type="command", command=("true",))
+def test_an_action_that_hangs_holds_up_no_other(tmp_path: Path) -> None:
+    go_on = tmp_path / "go on"
+    script = f"until test -e '{go_on}'; do sleep 0.05; done"
+    slow = CommandAction(type="command", command=("sh", "-c", script), timeout=600.0)
+    quick = CommandAction(type="command", command=("true",), timeout=30.0)
     client = ExecutorClient({"slow": slow, "quick": quick}, HOST)
     try:
-        client.start("quick", TOLD, time.monotonic())
-        results_of(client, 1)  # it has started
         now = time.monotonic()
         assert client.start("slow", TOLD, now) == ""
         assert client.start("quick", TOLD, now) == ""
-        first, second = results_of(client, 2)
+        (first,) = results_of(client, 1)
         assert (first["action"], first["ok"]) == ("quick", True)
-        assert (second["action"], second["ok"], "killed" in second["reason"]) == ("slow", False, True)
+        go_on.touch()
+        (second,) = results_of(client, 1)
+        assert (second["action"], second["ok"]) == ("slow", True)
+    finally:
+        client.close()
+
+
+def test_an_action_that_takes_too_long_is_killed() -> None:
+    client = ExecutorClient({"a": CommandAction(type="command", command=("sleep", "60"), timeout=0.5)}, HOST)
+    try:
+        client.start("a", TOLD, time.monotonic())
+        # An executor that has not started after 1.5 s is reported first, as one that hangs.
+        assert until(lambda: any("killed" in result["reason"] for result in results_of(client, 1)), 60.0)
     finally:
         client.close()
 
 
 def test_an_executor_that_dies_is_told_and_started_again() -> None:
-    client = ExecutorClient({"a": CommandAction(type="command", command=("sleep", "60"))}, HOST)
+    sleeping = CommandAction(type="command", command=("sleep", "60"), timeout=60.0)
+    client = ExecutorClient({"a": sleeping}, HOST)
     try:
         client.start("a", TOLD, time.monotonic())
         pid = client.pid

@@ -21,6 +21,12 @@ SECRET = "whsec_MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSw"
 DECISION = {"rule": "arm", "level": "collision", "kind": "begin", "link": "forearm", "force": 60.0}
 
 
+@pytest.fixture(autouse=True)
+def _short_pauses(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Retries are soon due here; by default the outbox is looked at once a second."""
+    monkeypatch.setattr(webhook_delivery, "_POLL", 0.01)
+
+
 class Receiver(http.server.ThreadingHTTPServer):
     """Answers by `statuses` in turn, the last one for ever, and keeps what came."""
 
@@ -160,8 +166,7 @@ def test_on_a_full_disk_a_webhook_is_told_to_be_lost(tmp_path: Path) -> None:
     assert (False, "lost, as the journal cannot be written: database or disk is full") in told
 
 
-def test_on_a_full_disk_nothing_is_posted_twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(webhook_delivery, "_POLL", 0.01)
+def test_on_a_full_disk_nothing_is_posted_twice(tmp_path: Path) -> None:
     told: list[bool] = []
     with receiver(200) as server, Journal(JournalSettings(path=tmp_path / "j.db")) as journal:
 

@@ -6,7 +6,9 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pyarrow.parquet as pa_parquet
@@ -45,6 +47,35 @@ def test_the_disk_limit_removes_the_oldest(tmp_path: Path) -> None:
     left = sorted(tmp_path.glob("*.parquet"))
     assert sum(path.stat().st_size for path in left) <= 20_000
     assert left == files[-len(left) :]
+
+
+def test_the_newest_segment_is_kept_whatever_its_size(tmp_path: Path) -> None:
+    rotation = Rotation(megabytes=0.002, disk_megabytes=1e-6)
+    writer = SegmentWriter(tmp_path, "a", NAMES, {}, rotation, flush_seconds=0.0)
+    for i in range(500):
+        writer.add((float(i), 0.0))
+    files = writer.close()
+    assert len(files) > 2
+    assert list(tmp_path.glob("*.parquet")) == files[-1:]
+
+
+def test_rows_wait_and_segments_grow_no_longer_than_stated(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = 100.0
+    clock = SimpleNamespace(monotonic=lambda: now, strftime=time.strftime, gmtime=time.gmtime)
+    monkeypatch.setattr(segment_writer, "time", clock)
+    writer = SegmentWriter(tmp_path, "a", NAMES, {}, Rotation(seconds=10.0), flush_seconds=0.5)
+    for i in range(30):
+        now = 100.0 + i
+        writer.add((float(i), 0.0))
+        writer.add((i + 0.5, 0.0))  # waits for less than half a second
+        writer._wait(writer._writing)
+    files = writer.close()
+    lengths = [np.ptp(rows_of([path])) for path in files]
+    assert len(files) == 3
+    assert max(lengths) < 11.0
+    np.testing.assert_array_equal(rows_of(files), 0.5 * np.arange(60))
 
 
 WRITER = """

@@ -1,8 +1,11 @@
 """Settings and samples of a `LiveSource` that the mock feeds."""
 
+import time
+
 import numpy as np
 
 from contactsense.scene import Scene
+from contactsense.service.mock.playback import NS, SimClock
 from contactsense.service.mock.servers import MockSettings
 from contactsense.service.sensors.live_source import SourceSettings
 from tests.service.loopback import SmallFeed, until
@@ -25,6 +28,17 @@ def settings_for(servers, **changes):
         wrench_http_port=servers.netft.http_port,
         **changes,
     )
+
+
+def waiting_clock():
+    """Simulated time that waits for its start: a busy computer connects late."""
+    return SimClock(time.monotonic_ns() + 3600 * NS)
+
+
+def start_when_connected(servers, source):
+    """Start the simulated time of a robot that a source reads, so that it sees the first sample."""
+    assert until(lambda: source.poll(0.01) or servers.rtde.streams)
+    servers.clock.start()
 
 
 def collect(source, n):

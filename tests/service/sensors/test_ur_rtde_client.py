@@ -3,6 +3,7 @@
 import os
 import signal
 import subprocess
+import sys
 import time
 from unittest.mock import Mock
 
@@ -114,6 +115,25 @@ def test_nobody_there():
     stream = open_stream(host)
     assert until(lambda: stream.poll(0.05) or stream.health.failures >= 2)
     assert f"Could not connect to: {host} at 30004" in stream.health.error
+    stream.close()
+
+
+SLOW_UR_RTDE = """
+import time
+time.sleep(1.0)
+class RTDEReceiveInterface:
+    def __init__(self, *_):
+        raise RuntimeError("no robot here")
+"""
+
+
+def test_a_child_may_start_slowly(tmp_path, monkeypatch):
+    """The limit is one for the robot, not for a computer that is busy."""
+    (tmp_path / "rtde_receive.py").write_text(SLOW_UR_RTDE)
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), *sys.path]))
+    stream = open_stream("127.0.0.1", timeout=0.2)
+    assert until(lambda: stream.poll(0.05) or stream.health.failures, 30.0)
+    assert "no robot here" in stream.health.error
     stream.close()
 
 

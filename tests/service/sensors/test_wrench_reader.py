@@ -17,12 +17,13 @@ from contactsense.service.sensors.live_source import LiveSource, SourceSettings
 from contactsense.service.sensors.network_wrench import WrenchSource
 from tests.contactsense.link_sensors.truth import ARM, BASE, SENSOR, STEP, TORQUE, stream
 from tests.service.loopback import SmallFeed, until
+from tests.service.sensors.mock_source import start_when_connected, waiting_clock
 
 MOCK = MockSettings(rtde_port=0, netft_port=0, http_port=0)
 REGISTERS = tuple(f"output_double_register_{i}" for i in range(12))
 RATE = 500
-FAULTS = {"base_wrench": (1200, 1300), "wrist_wrench": (1350, 1450), "link_wrenches.elbow": (1500, 1600)}
-"""First row of each sensor's fault, and the first one after it. A busy computer has connected before."""
+FAULTS = {"base_wrench": (200, 300), "wrist_wrench": (350, 450), "link_wrenches.elbow": (500, 600)}
+"""First row of each sensor's fault, and the first one after it."""
 MAX_AGE = 0.005
 
 
@@ -52,7 +53,7 @@ def test_a_faulty_sensor_is_told_by_its_field_and_recovers(kind: str, reason: st
     fields = registers(0, base) | registers(6, elbow) | {"ft_raw_wrench": wrist}
     told: dict[str, float] = {}
     samples: list[Sample] = []
-    with MockServers(SmallFeed(), MOCK, fields=fields) as servers:
+    with MockServers(SmallFeed(), MOCK, fields=fields, clock=waiting_clock()) as servers:
         settings = SourceSettings(
             servers.rtde.host,
             servers.rtde.port,
@@ -69,7 +70,8 @@ def test_a_faulty_sensor_is_told_by_its_field_and_recovers(kind: str, reason: st
                         told.setdefault(field, samples[-1].t)
                 return bool(samples) and samples[-1].t > t
 
-            assert until(lambda: past(1650 / RATE))
+            start_when_connected(servers, source)
+            assert until(lambda: past(650 / RATE))
             assert until(lambda: past(0.0) and source.health.trouble == "")
     assert set(told) == set(FAULTS)
     for field, (first, end) in FAULTS.items():
