@@ -12,7 +12,7 @@ from contactsense.benchmarks.calibration.setup_draws import Settings, right_setu
 from contactsense.calibration import FreeMotion
 from contactsense.robots.tool import Tool
 from contactsense.setup_check import CheckError, Finding, Residuals, check, lines
-from contactsense.setup_check.check import _accuse, _tolerance
+from contactsense.setup_check.check import _report, _tolerance
 from contactsense.setup_check.fit import Fitter
 from contactsense.setup_check.motion_basis import MotionBases, Readings
 from contactsense.setup_check.proposals import roll_and_pitch
@@ -64,7 +64,7 @@ def test_two_wrong_lines_are_both_named() -> None:
 def test_a_line_that_is_found_wrong_again_keeps_the_value_of_the_scene() -> None:
     before, between, after = (Residuals(force, 0.1, 1.0) for force in (9.0, 3.0, 1.0))
     found = [Finding("tool.mass", "does_not_fit", "1", "2", before=before, after=between)]
-    _accuse(found, Finding("tool.mass", "does_not_fit", "2", "1.8", before=between, after=after))
+    _report(found, Finding("tool.mass", "does_not_fit", "2", "1.8", before=between, after=after))
     assert found == [Finding("tool.mass", "does_not_fit", "1", "1.8", before=before, after=after)]
 
 
