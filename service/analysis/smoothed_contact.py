@@ -20,6 +20,8 @@ class SmoothedContact:
     """Probability of each, shape (places,)."""
     link_probability: np.ndarray
     """Probability of each link, shape (links,)."""
+    jumps: bool = False
+    """Whether a place is constant over several windows and then another one, instead of moving."""
 
     @property
     def best(self) -> Place:
@@ -30,16 +32,21 @@ class SmoothedContact:
         """Places [m], outward normals and covariances [m^2] of one of the explanations, the best one by
         default, at K times [s], link frame, shapes (K, 3), (K, 3) and (K, 3, 3)."""
         chosen, times = self.places[number], self.windows.t
+        nearest = np.searchsorted(0.5 * (times[1:] + times[:-1]), t)
+        if self.jumps:
+            return chosen.point[nearest], chosen.normal[nearest], chosen.covariance[nearest]
         point, normal = (
             np.column_stack([np.interp(t, times, column) for column in values.T])
             for values in (chosen.point, chosen.normal)
         )
-        nearest = np.argmin(np.abs(times - t[:, None]), axis=1)
         return point, normal / np.linalg.norm(normal, axis=1, keepdims=True), chosen.covariance[nearest]
 
 
-def ranked(windows: ContactWindows, places: list[Place], links: int) -> SmoothedContact | None:
-    """Explanations, weighted by their evidence; None if there are none. `links`: number of links."""
+def ranked(
+    windows: ContactWindows, places: list[Place], links: int, *, jumps: bool = False
+) -> SmoothedContact | None:
+    """Explanations, weighted by their evidence; None if there are none. `links`: number of links; `jumps`:
+    see `SmoothedContact`."""
     places = sorted(
         (place for place in places if np.isfinite(place.log_evidence)),
         key=lambda place: -place.log_evidence,
@@ -50,4 +57,4 @@ def ranked(windows: ContactWindows, places: list[Place], links: int) -> Smoothed
     probability = weight / weight.sum()
     link_probability = np.zeros(links)
     np.add.at(link_probability, [place.link for place in places], probability)
-    return SmoothedContact(windows, tuple(places), probability, link_probability)
+    return SmoothedContact(windows, tuple(places), probability, link_probability, jumps)

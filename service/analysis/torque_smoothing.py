@@ -105,7 +105,7 @@ class TorqueSmoother:
             for link in range(len(evidence))
             for place in self._places(link, float(evidence[link]), stretches, windows)
         ]
-        return ranked(windows, places, len(evidence))
+        return ranked(windows, places, len(evidence), jumps=True)
 
     def _with_onset(self, history: ContactHistory, windows: ContactWindows) -> ContactWindows:
         """The windows, preceded by the residual at which the contact was detected: that is the low-passed

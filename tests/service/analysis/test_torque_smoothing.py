@@ -13,7 +13,7 @@ from contactsense.runtime.result_rows import LINK, TORSION
 from contactsense.service.analysis.contact_history import ContactCollector, ContactHistory
 from contactsense.service.analysis.contact_windows import contact_windows
 from contactsense.service.analysis.place_search import Place
-from contactsense.service.analysis.smoothed_contact import SmoothedContact
+from contactsense.service.analysis.smoothed_contact import SmoothedContact, ranked
 from contactsense.service.analysis.smoothing import ContactSmoother
 from contactsense.service.analysis.summarize import Summarizer
 from contactsense.service.analysis.torque_smoothing import TorqueSmoother, _Candidate, _followed, _magnitudes
@@ -272,3 +272,21 @@ def test_a_place_that_moves_by_more_than_its_errors_slides() -> None:
     moving = path(0.001)
     assert moving.sliding
     np.testing.assert_allclose(moving.point, points[[0, 0, 1, 2, 2]])
+
+
+def test_between_two_stretches_a_place_is_one_of_theirs(
+    contacts: Sequence[tuple[ContactHistory, Touch]],
+) -> None:
+    """On either side of a thin link: half-way between them is inside of it, and has no normal."""
+    windows = contact_windows(contacts[0][0], SCENE.bandwidth)
+    assert windows is not None
+    up = np.array([0.0, 0.0, 1.0])
+    sides = [_Candidate(0.5, 0.03 * n, n, -n, 1e-4 * np.eye(3)) for n in (up, -up)]
+    later = (np.arange(len(windows.t)) >= 3).astype(int)
+    found = ranked(windows, [_followed(3, 0.0, sides, later)], 7, jumps=True)
+    assert found is not None
+    t = np.linspace(windows.t[0], windows.t[5], 101)
+    point, normal, _ = found.at(t)
+    np.testing.assert_array_equal(np.abs(point), np.broadcast_to(0.03 * up, point.shape))
+    np.testing.assert_array_equal(0.03 * normal, point)
+    assert len(np.unique(point[:, 2])) == 2
