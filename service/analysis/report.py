@@ -83,6 +83,11 @@ def _contact(contact: ContactSummary, analysis: Analysis) -> dict[str, Any]:
     texts = other_links(analysis.scene.link_names, contact.link_index, contact.link_probability.tolist())
     none = 1.0 - float(np.sum(contact.link_probability))
     explained = contact.link_index >= 0
+    # Live probabilities are means over the contact; that of the place is not.
+    if contact.smoothed:
+        elsewhere = float(contact.link_probability[contact.link_index]) - contact.probability
+        if elsewhere >= 0.01:
+            texts.insert(0, f"another place on {contact.link} ({in_percent(elsewhere)})")
     tangential = _place_deviation(contact) if explained else None
     if none >= 0.01:
         texts.append(f"no single push on a touchable link ({in_percent(none)})")

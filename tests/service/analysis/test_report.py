@@ -226,3 +226,19 @@ def test_other_names_of_columns(folder: Path, tmp_path: Path) -> None:
 
 def test_a_place_in_millimetres_has_no_negative_zero() -> None:
     assert millimetres(np.array([-0.0004, 0.0, -0.1747])) == "0, 0, -175"
+
+
+def test_other_places_on_the_same_link_are_explanations_too(tmp_path: Path) -> None:
+    """From torques alone: the probability that is stated is that of one place."""
+    path = write_motion(demo(), tmp_path / "demo.parquet", last=8000)
+    (tmp_path / "scene.yaml").write_text("robot: ur5e\nbase_wrench: null\n")
+    out = tmp_path / "out"
+    arguments = [str(path), "--scene", str(tmp_path / "scene.yaml"), "--out", str(out)]
+    assert CliRunner().invoke(analyze, arguments).exit_code == 0
+    rows = pa_parquet.read_table(out / "contacts.parquet").to_pylist()
+    elsewhere = [row["link_probability"][row["link_index"]] - row["probability"] for row in rows]
+    assert max(elsewhere) > 0.05
+    sections = (out / "report.md").read_text().split("other explanations: ")[1:]
+    for row, section, share in zip(rows, sections, elsewhere, strict=True):
+        here = section.splitlines()[0]
+        assert (f"another place on {row['link']}" in here) == (row["smoothed"] and share >= 0.01)
