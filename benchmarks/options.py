@@ -1,13 +1,17 @@
 """Command-line options that several benchmarks share."""
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import get_args
+from typing import Any, TypeVar, get_args
 
 import click
 
 from contactsense.benchmarks.accuracy.static_cases import SENSORS, Detail
 from contactsense.benchmarks.accuracy.static_points import HALVES
 from contactsense.scene import LinkPrior
+from contactsense.service.cli.finite_range import FiniteRange
+
+_Command = TypeVar("_Command", bound=Callable[..., Any])
 
 FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
 
@@ -52,4 +56,24 @@ link_prior = click.option(
     show_default=True,
     help="Prior over links: in proportion to their surface, or the same for each.",
 )
+
+
+def force(text: str) -> Callable[[_Command], _Command]:
+    """The option --force [N], 20 N by default; `text`: its help."""
+    return click.option(
+        "--force", type=FiniteRange(0.0, min_open=True), default=20.0, show_default=True, help=text
+    )
+
+
+def trials(default: int) -> Callable[[_Command], _Command]:
+    """The option --trials: how many of each kind."""
+    return click.option(
+        "--trials",
+        type=click.IntRange(1),
+        default=default,
+        show_default=True,
+        help="Number of trials of each kind.",
+    )
+
+
 as_json = click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")

@@ -10,13 +10,13 @@ from rich.console import Console
 from rich.table import Table
 
 from contactsense import Estimate, Localizer, Scene
+from contactsense.benchmarks import options
 from contactsense.benchmarks.peers.touches import Toucher, Touches
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import empty_motion
 from contactsense.residuals.joint_friction import unmodelled_torque_std
 from contactsense.runtime.constants import Constants, build_constants
 from contactsense.scene import SceneError
-from contactsense.service.cli.finite_range import FiniteRange
 
 
 class Answers(NamedTuple):
@@ -106,15 +106,9 @@ def _wrist_noise(constants: Constants, q: np.ndarray, rng: np.random.Generator) 
     show_default=True,
     help="Contacts, each in a posture of its own.",
 )
-@click.option(
-    "--force",
-    type=FiniteRange(0.0, min_open=True),
-    default=20.0,
-    show_default=True,
-    help="Magnitude of each force [N].",
-)
+@options.force("Magnitude of each force [N].")
 @click.option("--seed", default=0, show_default=True, help="Seed of the random numbers.")
-@click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
+@options.as_json
 def cells(scenes: tuple[Path, ...], contacts: int, force: float, seed: int, as_json: bool) -> None:
     """Measure what the sensors of each of SCENES can determine of a contact, by touched link."""
     try:

@@ -22,6 +22,7 @@ from contactsense import (
     detectability,
     robots,
 )
+from contactsense.benchmarks import options
 from contactsense.benchmarks.accuracy.static_cases import COLUMNS, SENSORS, Noise
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import build_model, empty_motion
@@ -88,13 +89,7 @@ class Agreement(NamedTuple):
     show_default=True,
     help="Simulated measurements at each place.",
 )
-@click.option(
-    "--force",
-    type=FiniteRange(0.0, min_open=True),
-    default=20.0,
-    show_default=True,
-    help="Force for errors and link [N].",
-)
+@options.force("Force for errors and link [N].")
 @click.option(
     "--friction",
     type=FiniteRange(0.0),
@@ -106,7 +101,7 @@ class Agreement(NamedTuple):
     "--every", type=click.IntRange(1), default=1, show_default=True, help="Simulate every n-th place only."
 )
 @click.option("--seed", default=1, show_default=True, help="Seed of postures and noise.")
-@click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
+@options.as_json
 def surface_map(
     names: tuple[str, ...],
     measured: tuple[str, ...],

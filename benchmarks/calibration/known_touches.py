@@ -44,7 +44,7 @@ RISE, PAUSES = 0.05, (0.8, 1.6)
 """Time in which a touch rises and falls, range of the pauses [s]."""
 JUDGED = 0.6
 """Share of a touch's duration after which the answer is taken."""
-NOT_FELT = 2
+FIRST_LINK = 2
 """Links before this one move one joint or none: their touches are not drawn."""
 EXPONENTS = (0.5, 0.7, 1.0, 1.4, 2.0)
 """The probabilities are also scored after raising them to these powers: a best power below one would mean
@@ -131,9 +131,9 @@ def _place(samples: Samples, q: np.ndarray, draw: Draw, rng: np.random.Generator
     angle = np.floor((q + np.pi) / (2.0 * np.pi) % 1.0 * bins).astype(int)
     links = len(samples.start) - 1
     while True:
-        first, last = samples.start[NOT_FELT], samples.start[links]
+        first, last = samples.start[FIRST_LINK], samples.start[links]
         if draw == "link":
-            link = int(rng.integers(NOT_FELT, links))
+            link = int(rng.integers(FIRST_LINK, links))
             first, last = samples.start[link], samples.start[link + 1]
         # Patches are equal in area up to rounding.
         patch = int(rng.integers(first, last))
@@ -198,7 +198,7 @@ def summarize(touches: list[Touch]) -> dict[str, Any]:
     }
 
 
-def felt_shares(touches: list[Touch], edges: np.ndarray) -> dict[int, list[tuple[int, int]]]:
+def detected_shares(touches: list[Touch], edges: np.ndarray) -> dict[int, list[tuple[int, int]]]:
     """Number of touches, and of those that are detected, for each touched link and each range of forces,
     whose edges are given in ascending order [N]."""
     links = sorted({found.link for found in touches})
@@ -206,7 +206,7 @@ def felt_shares(touches: list[Touch], edges: np.ndarray) -> dict[int, list[tuple
     for found in touches:
         k = int(np.clip(np.searchsorted(edges, found.force, side="right") - 1, 0, len(edges) - 2))
         counts[found.link][k] += (1, found.probability is not None)
-    return {link: [(int(all_), int(felt)) for all_, felt in counts[link]] for link in links}
+    return {link: [(int(all_), int(found)) for all_, found in counts[link]] for link in links}
 
 
 @click.command()
@@ -269,17 +269,17 @@ def touches(
     if not any(item.probability for item in found):
         raise click.ClickException(f"--seeds {seeds}: expected at least one detected touch, got none")
     edges = np.geomspace(least, FORCES[1], FORCE_RANGES + 1)
-    felt = felt_shares(found, edges)
+    detected = detected_shares(found, edges)
     summary = summarize(found) | {
         "free_seconds": float(sum(recording.t[-1] - recording.t[0] for recording in recordings)),
         "false_alarms": alarms,
         "force_edges": edges.tolist(),
-        "felt": {scene.robot.links[link].name: shares for link, shares in felt.items()},
+        "detected": {scene.robot.links[link].name: shares for link, shares in detected.items()},
         "force_thresholds": {
             scene.robot.links[link].name: force_threshold(
                 sum(n for _, n in shares), sum(n for n, _ in shares), least, FORCES[1]
             )
-            for link, shares in felt.items()
+            for link, shares in detected.items()
         },
     }
     if as_json:
@@ -315,8 +315,8 @@ def _print(summary: dict[str, Any]) -> None:
     edges = summary["force_edges"]
     ranges = (f"{a:.0f} to {b:.0f} N" for a, b in pairwise(edges))
     table = Table("touched link", *ranges, "smallest detected force, 95 % interval [N]", title="Detected")
-    for link, shares in summary["felt"].items():
+    for link, shares in summary["detected"].items():
         mean, low, high = summary["force_thresholds"][link]
-        counts = (f"{felt} of {all_}" for all_, felt in shares)
+        counts = (f"{found} of {all_}" for all_, found in shares)
         table.add_row(link, *counts, f"{mean:.0f} ({low:.0f} to {high:.0f})")
     console.print(table)

@@ -123,16 +123,8 @@ def _locate(
 @click.command()
 @options.robots
 @click.option("--contacts", type=click.IntRange(2, 3), multiple=True, default=(2,), help="May be repeated.")
-@click.option(
-    "--trials", type=click.IntRange(1), default=400, show_default=True, help="Number of trials of each kind."
-)
-@click.option(
-    "--force",
-    type=FiniteRange(0.0, min_open=True),
-    default=20.0,
-    show_default=True,
-    help="Size of each force [N].",
-)
+@options.trials(400)
+@options.force("Size of each force [N].")
 @click.option(
     "--seed",
     default=1,

@@ -16,7 +16,6 @@ from contactsense.benchmarks.multi_contact.measure import WITHIN, Scenario, loca
 from contactsense.benchmarks.multi_contact.pairs import measure_pairs
 from contactsense.benchmarks.multi_contact.stream import measure_stream
 from contactsense.benchmarks.multi_contact.trials import ForceDirection, Links
-from contactsense.service.cli.finite_range import FiniteRange
 
 SCENARIOS = (Scenario("one_by_one", 0.5), Scenario("one_by_one", None), Scenario("at_once", None))
 
@@ -26,16 +25,8 @@ SCENARIOS = (Scenario("one_by_one", 0.5), Scenario("one_by_one", None), Scenario
 @click.option(
     "--contacts", type=click.IntRange(1, 3), multiple=True, default=(1, 2, 3), help="May be repeated."
 )
-@click.option(
-    "--trials", type=click.IntRange(1), default=300, show_default=True, help="Number of trials of each kind."
-)
-@click.option(
-    "--force",
-    type=FiniteRange(0.0, min_open=True),
-    default=20.0,
-    show_default=True,
-    help="Size of each force [N].",
-)
+@options.trials(300)
+@options.force("Size of each force [N].")
 @click.option(
     "--links",
     type=click.Choice(get_args(Links)),

@@ -1,13 +1,12 @@
 """`contactsense decompose`: fit a few convex primitives to the meshes of each link."""
 
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-import numpy as np
 from rich import box
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
     import trimesh
 
     from contactsense.robots.decomposition.decompose import Fit, Options
-    from contactsense.robots.decomposition.surface_error import Errors
 
 _COLUMNS = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
 
@@ -134,7 +132,7 @@ def decompose(
     chosen = dict(zip(names, choose([fits[name] for name in names], options.tolerance, most), strict=True))
     best = {name: fits[name][chosen[name]] for name in names}
     _report(best)
-    for line in beyond_tolerance({name: fit.errors for name, fit in best.items()}, options.tolerance):
+    for line in beyond_tolerance({name: fit.p95 for name, fit in best.items()}, options.tolerance):
         click.echo(line, err=True)
     command = _command(arm, options, most, tip, rigid, scale)
     if as_tool:
@@ -199,12 +197,13 @@ def _report(best: "dict[str, Fit]") -> None:
     console.print(table, width=max(console.width, console.measure(table).maximum), crop=False)
 
 
-def beyond_tolerance(errors: "dict[str, Errors]", tolerance: float) -> list[str]:
-    """Warnings of links whose 95th percentile of the distance, either way, is beyond the tolerance [m]."""
-    reached = {
-        name: max(float(np.percentile(np.abs(values), 95.0)) for values in (found.skin, found.primitive))
-        for name, found in errors.items()
-    }
+def beyond_tolerance(reached: Mapping[str, float], tolerance: float) -> list[str]:
+    """Warnings of links whose `Fit.p95` is beyond the tolerance [m].
+
+    Args:
+        reached: It, by name of the link [m].
+        tolerance: Of the fit [m].
+    """
     worst = {name: value for name, value in reached.items() if value > tolerance}
     if not worst:
         return []

@@ -9,7 +9,8 @@ import yaml
 from click.testing import CliRunner, Result
 
 from contactsense import Scene, robots
-from contactsense.robots.decomposition.surface_error import Errors
+from contactsense.robots.decomposition.decompose import Fit
+from contactsense.robots.decomposition.surface_error import Errors, bodies_of
 from contactsense.service.cli.decompose import beyond_tolerance
 from contactsense.service.cli.main import cli
 from tests.robots.shapes import two_meshes
@@ -116,12 +117,14 @@ def test_an_arm_without_visual_shapes_needs_meshes(tmp_path: Path) -> None:
 
 
 def test_links_beyond_the_tolerance_are_named() -> None:
-    near, far = np.full(100, 1e-3), np.linspace(0.0, 10e-3, 101)
-    links = {
+    near, far, none = np.full(100, 1e-3), np.linspace(0.0, 10e-3, 101), np.zeros(0)
+    errors = {
         "good": Errors(-near, near, near, 1.0),
         "recess": Errors(far, near, near, 1.0),
         "gap": Errors(near, far, near, 1.0),
+        "covered": Errors(near, none, near, 1.0),
     }
+    links = {name: Fit(bodies_of([]), found, (), (), 0.0).p95 for name, found in errors.items()}
     (warning,) = beyond_tolerance(links, 2e-3)
     assert "within 2 mm, got recess 9.5 mm, gap 9.5 mm;" in warning
     assert beyond_tolerance(links, 9.6e-3) == []

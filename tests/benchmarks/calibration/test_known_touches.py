@@ -9,7 +9,7 @@ from contactsense.benchmarks.calibration.known_touches import (
     Touch,
     _joint_torques,
     calibrated_scene,
-    felt_shares,
+    detected_shares,
     read,
     summarize,
     touch,
@@ -57,16 +57,19 @@ def test_true_probabilities_are_told_from_overconfident_ones() -> None:
     assert boastful["right"] == honest["right"]
 
 
-def test_felt_touches_are_counted_by_link_and_force() -> None:
-    felt, missed = (0.0, 0.0, 0.0, 1.0), None
+def test_detected_touches_are_counted_by_link_and_force() -> None:
+    detected, missed = (0.0, 0.0, 0.0, 1.0), None
     touches = [
         Touch("r", 3, 20.0, missed, False),
-        Touch("r", 3, 49.0, felt, True),
-        Touch("r", 3, 50.0, felt, False),
-        Touch("r", 3, 150.0, felt, False),
+        Touch("r", 3, 49.0, detected, True),
+        Touch("r", 3, 50.0, detected, False),
+        Touch("r", 3, 150.0, detected, False),
         Touch("r", 4, 30.0, missed, False),
     ]
-    assert felt_shares(touches, np.array([20.0, 50.0, 150.0])) == {3: [(2, 1), (2, 2)], 4: [(1, 0), (0, 0)]}
+    assert detected_shares(touches, np.array([20.0, 50.0, 150.0])) == {
+        3: [(2, 1), (2, 2)],
+        4: [(1, 0), (0, 0)],
+    }
 
 
 @pytest.mark.long
