@@ -267,7 +267,9 @@ def touches(
     ):
         found += touch(localizer, recording, samples, draw, k, least, seconds)
     if not any(item.probability for item in found):
-        raise click.ClickException(f"--seeds {seeds}: expected at least one detected touch, got none")
+        raise click.ClickException(
+            f"--seeds {seeds}, --seconds {seconds:g}: expected at least one detected touch, got none"
+        )
     edges = np.geomspace(least, FORCES[1], FORCE_RANGES + 1)
     detected = detected_shares(found, edges)
     summary = summarize(found) | {
