@@ -1,7 +1,9 @@
 """Accessibility: which points of the surface can be touched.
 
-Points inside another body of the arm or of the cell, points without free height above them, and the mounting
-face of the base cannot.
+A point cannot if it is inside of its own link, if a body of the cell or another link leaves no free height
+above it, or if it is on the mounting face of the base. Of its own link the point itself must be outside of
+all other primitives, not the height above it: near a concave edge that height is within the next face, which
+covers nothing.
 """
 
 import math
@@ -13,7 +15,9 @@ from contactsense.localization.candidate_buffers import Candidates
 from contactsense.localization.local_prior import DeviationCells
 from contactsense.localization.mean_surface_distance import mean_surface_distance
 from contactsense.localization.simd_neighbourhood import (
+    AX,
     QUADRATURE_RINGS,
+    X,
     accessible_moments,
     cover_points,
     spread_points,
@@ -21,7 +25,7 @@ from contactsense.localization.simd_neighbourhood import (
 )
 from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces, out_of_reach, project
-from contactsense.robots.vectors import add_scaled, dot, scale, tangents, vector
+from contactsense.robots.vectors import Vector, add_scaled, dot, scale, tangents, vector
 from contactsense.solvers.posterior import Prior
 
 CLEARANCE_SIGMAS = 3.9
@@ -53,29 +57,59 @@ class Frames(Protocol):
 
 
 @inlined_fused_kernel
+def _clearance_from(
+    surfaces: Surfaces,
+    deviations: DeviationCells,
+    frames: Frames,
+    p: int,
+    height: float,
+    c: Vector,
+    n: Vector,
+    reach: float,
+) -> float:
+    """Distance from the mean surface of primitive p of the place `height` above a point c with the normal n,
+    base frame [m]; at most `reach`."""
+    o, own_reach = frames.origin[p], reach + deviations.displacement[p]
+    dx, dy, dz = c[0] + height * n[0] - o[0], c[1] + height * n[1] - o[1], c[2] + height * n[2] - o[2]
+    distance, radius = reach, surfaces.radius[p] + own_reach
+    if radius > 0.0 and dx * dx + dy * dy + dz * dz <= radius * radius:
+        R = frames.rotation[p]
+        place = (
+            R[0, 0] * dx + R[1, 0] * dy + R[2, 0] * dz,
+            R[0, 1] * dx + R[1, 1] * dy + R[2, 1] * dz,
+            R[0, 2] * dx + R[1, 2] * dy + R[2, 2] * dz,
+        )
+        if not out_of_reach(surfaces.kind[p], surfaces.size[p], place[0], place[1], place[2], own_reach):
+            distance = min(distance, mean_surface_distance(surfaces, deviations, p, place))
+    return distance
+
+
+@inlined_fused_kernel
 def clearance(
     surfaces: Surfaces,
     deviations: DeviationCells,
     frames: Frames,
     excluded: int,
-    x: float,
-    y: float,
-    z: float,
+    c: Vector,
+    n: Vector,
+    height: float,
     max_distance: float,
 ) -> float:
-    """Distance of a point from the mean surface of the nearest other primitive of the same or a neighbouring
-    link, or of a body of the cell that covers [m].
+    """Clearance of a point of the surface: its distance from the mean surfaces of the other primitives of its
+    link, or that of the place above it from those of a neighbouring link, or of a body of the cell that
+    covers; the least of them [m].
 
     Args:
         surfaces: Primitives; those beyond the last link's are of bodies that cover.
         deviations: Where the surface is on average.
         frames: Their body frames in the base frame.
         excluded: Primitive that is ignored: the one on which the point lies.
-        x, y, z: The point, base frame [m].
+        c, n: The point [m] and the outward normal there, base frame.
+        height: Height of the place above it that must be free of other links [m].
         max_distance: Upper bound of the result [m].
 
     Returns:
-        The distance, negative inside, at most `max_distance`.
+        The clearance, negative inside, at most `max_distance`.
     """
     link = surfaces.link[excluded]
     first = surfaces.start[max(link - 1, 0)]
@@ -84,19 +118,9 @@ def clearance(
     distance = max_distance
     for k in range(last - first + surfaces.kind.shape[0] - covers):
         p = first + k if k < last - first else covers + k - (last - first)
-        o = frames.origin[p]
-        dx, dy, dz = x - o[0], y - o[1], z - o[2]
-        own_reach = distance + deviations.displacement[p]
-        reach = surfaces.radius[p] + own_reach
-        if p == excluded or reach <= 0.0 or dx * dx + dy * dy + dz * dz > reach * reach:
-            continue
-        R = frames.rotation[p]
-        kind, size = surfaces.kind[p], surfaces.size[p]
-        ax = R[0, 0] * dx + R[1, 0] * dy + R[2, 0] * dz
-        ay = R[0, 1] * dx + R[1, 1] * dy + R[2, 1] * dz
-        az = R[0, 2] * dx + R[1, 2] * dy + R[2, 2] * dz
-        if not out_of_reach(kind, size, ax, ay, az, own_reach):
-            distance = min(distance, mean_surface_distance(surfaces, deviations, p, (ax, ay, az)))
+        if p != excluded:
+            above = 0.0 if surfaces.link[p] == link else height
+            distance = _clearance_from(surfaces, deviations, frames, p, above, c, n, distance)
     return distance
 
 
@@ -114,10 +138,10 @@ def accessible_share(margin: float, prior: Prior) -> float:
 
 
 @fused_kernel
-def clearance_above(
+def candidate_clearance(
     surfaces: Surfaces, deviations: DeviationCells, candidates: Candidates, row: int, prior: Prior
 ) -> tuple[float, float, float, float, float, int]:
-    """Clearance at the height `prior.clearance` above a candidate's point.
+    """`clearance` of a candidate's point, with the height `prior.clearance`.
 
     The other primitives that are nearer than the neighbourhood is wide are written to `near`: no others can
     cover any of it.
@@ -141,30 +165,19 @@ def clearance_above(
         + t2z * (C[2, 0] * t2x + C[2, 1] * t2y + C[2, 2] * t2z)
     )
     max_deviation = math.sqrt(max(0.5 * (v11 + v22) + math.sqrt(0.25 * (v11 - v22) ** 2 + v12 * v12), 0.0))
-    height = prior.clearance
-    x, y, z = c[0] + height * n[0], c[1] + height * n[1], c[2] + height * n[2]
     reach = CLEARANCE_SIGMAS * max_deviation
     distance, near = reach, 0
+    place, normal = vector(c), vector(n)
     link = surfaces.link[candidates.primitive[row]]
     first = surfaces.start[max(link - 1, 0)]
     last = surfaces.start[min(link + 2, surfaces.start.shape[0] - 1)]
     covers = surfaces.start[surfaces.start.shape[0] - 1]
     for k in range(last - first + surfaces.kind.shape[0] - covers):
         p = first + k if k < last - first else covers + k - (last - first)
-        o = candidates.origin[p]
-        dx, dy, dz = x - o[0], y - o[1], z - o[2]
-        own_reach = reach + deviations.displacement[p]
-        radius = surfaces.radius[p] + own_reach
-        if p == candidates.primitive[row] or dx * dx + dy * dy + dz * dz > radius * radius:
+        if p == candidates.primitive[row]:
             continue
-        R = candidates.rotation[p]
-        kind, size = surfaces.kind[p], surfaces.size[p]
-        ax = R[0, 0] * dx + R[1, 0] * dy + R[2, 0] * dz
-        ay = R[0, 1] * dx + R[1, 1] * dy + R[2, 1] * dz
-        az = R[0, 2] * dx + R[1, 2] * dy + R[2, 2] * dz
-        if out_of_reach(kind, size, ax, ay, az, own_reach):
-            continue
-        own = mean_surface_distance(surfaces, deviations, p, (ax, ay, az))
+        above = 0.0 if surfaces.link[p] == link else prior.clearance
+        own = _clearance_from(surfaces, deviations, candidates, p, above, place, normal, reach)
         if own < reach:
             candidates.near[near] = p
             distance = min(distance, own)
@@ -189,7 +202,7 @@ def apply_accessibility(
     exceed `min_score`, it becomes -infinity at once. `frame`: body frame of the candidate's primitive, see
     `contactsense.localization.candidate_buffers.store_candidate`.
     """
-    distance, max_deviation, v11, v12, v22, near = clearance_above(
+    distance, max_deviation, v11, v12, v22, near = candidate_clearance(
         surfaces, deviations, candidates, row, prior
     )
     if distance >= FULL_CLEARANCE_SIGMAS * max_deviation:
@@ -213,7 +226,8 @@ def apply_accessibility(
     spread_points(kind, size, R, o, vector(c), axes, prior.clearance, points)
     for k in range(near):
         q = candidates.near[k]
-        cover_points(surfaces, deviations, q, candidates.rotation[q], candidates.origin[q], points)
+        tested = X if surfaces.link[q] == surfaces.link[p] else AX
+        cover_points(surfaces, deviations, q, candidates.rotation[q], candidates.origin[q], tested, points)
     share, (mx, my, mz), (xx, xy, xz, yy, yz, zz) = accessible_moments(
         vector(c), prior.surface_deviation / PENETRATION_SCALE, points
     )

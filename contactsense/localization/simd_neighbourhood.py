@@ -40,8 +40,8 @@ _U1, _U2, _WEIGHT = (
 
 X, Y, Z, NX, NY, NZ, AX, AY, AZ, COVER = range(0, 10 * POINTS, POINTS)
 """Offsets of a point's quantities. `X` to `NZ`: the point on the surface and the normal there; `AX` to
-`AZ`: the point above it, at the height that a touching object needs [m]. `COVER`: distance of the latter
-from the nearest primitive, if it is inside one, else 0 [m]."""
+`AZ`: the point above it, at the height that a touching object needs [m]. `COVER`: distance from the nearest
+primitive of the one of them that this primitive must not cover, if it does, else 0 [m]."""
 LENGTH = 10 * POINTS
 """Length of the scratch array."""
 
@@ -95,24 +95,34 @@ def spread_points(
 
 @fused_kernel
 def cover_points(
-    surfaces: Surfaces, deviations: DeviationCells, p: int, R: np.ndarray, o: np.ndarray, points: np.ndarray
+    surfaces: Surfaces,
+    deviations: DeviationCells,
+    p: int,
+    R: np.ndarray,
+    o: np.ndarray,
+    tested: int,
+    points: np.ndarray,
 ) -> None:
-    """Lower `COVER` where the points above the surface are inside the mean surface of primitive p.
+    """Lower `COVER` where points are inside the mean surface of primitive p.
 
-    R, o: its body frame in the base frame.
+    Args:
+        surfaces, deviations: All primitives, and where the surface is on average.
+        p, R, o: The primitive and its body frame in the base frame.
+        tested: `X`: the points on the surface; `AX`: those above them.
+        points: The scratch array.
     """
     body_axes, origin = _axes(R), vector(o)
-    size = surfaces.size[p]
+    size, x, y, z = surfaces.size[p], tested, tested + POINTS, tested + 2 * POINTS
     if surfaces.kind[p] == REVOLVED and deviations.displacement[p] == 0.0:
         body = profile(size[0], size[1], size[2], size[3])
         for j in range(POINTS):
-            above = (points[AX + j], points[AY + j], points[AZ + j])
-            distance = project_revolved(body, *matvec(body_axes, subtract(above, origin)))[0]
+            point = (points[x + j], points[y + j], points[z + j])
+            distance = project_revolved(body, *matvec(body_axes, subtract(point, origin)))[0]
             points[COVER + j] = min(points[COVER + j], distance)
     else:
         for j in range(_POINTS):
-            above = (points[AX + j], points[AY + j], points[AZ + j])
-            place = matvec(body_axes, subtract(above, origin))
+            point = (points[x + j], points[y + j], points[z + j])
+            place = matvec(body_axes, subtract(point, origin))
             distance = mean_surface_distance(surfaces, deviations, p, place)
             points[COVER + j] = min(points[COVER + j], distance)
 

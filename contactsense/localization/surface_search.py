@@ -19,6 +19,7 @@ from contactsense.localization.surface_cells import SurfaceCells
 from contactsense.localization.surface_evidence import evaluate_cells
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
+from contactsense.robots.vectors import add, rotate, vector
 from contactsense.solvers.posterior import Prior
 from contactsense.solvers.posterior_mode import ENERGY_CUTOFF, ENERGY_TOLERANCE, RELATIVE_TOLERANCE
 
@@ -125,20 +126,9 @@ def _apply_accessibility(
         p = cells.primitive[s]
         body = depth[surfaces.link[p]]
         R, o = motion.rotation[body], motion.origin[body]
-        n, height = cells.normal[s], prior.clearance
-        x = cells.point[s, 0] + height * n[0]
-        y = cells.point[s, 1] + height * n[1]
-        z = cells.point[s, 2] + height * n[2]
-        free = clearance(
-            surfaces,
-            deviations,
-            candidates,
-            p,
-            o[0] + R[0, 0] * x + R[0, 1] * y + R[0, 2] * z,
-            o[1] + R[1, 0] * x + R[1, 1] * y + R[1, 2] * z,
-            o[2] + R[2, 0] * x + R[2, 1] * y + R[2, 2] * z,
-            0.0,
-        )
+        place = add(rotate(R, vector(cells.point[s])), vector(o))
+        normal = rotate(R, vector(cells.normal[s]))
+        free = clearance(surfaces, deviations, candidates, p, place, normal, prior.clearance, 0.0)
         if free < 0.0:
             cells.score[s] += math.log(accessible_share(free, prior))
 

@@ -96,6 +96,5 @@ def _log_accessibility(
     surfaces, deviations, candidates = surface
     if is_mounting_face(surfaces.link[p], c[2], n[2], prior.surface_deviation):
         return -math.inf
-    height = prior.clearance
-    x, y, z = c[0] + height * n[0], c[1] + height * n[1], c[2] + height * n[2]
-    return math.log(accessible_share(clearance(surfaces, deviations, candidates, p, x, y, z, 0.0), prior))
+    free = clearance(surfaces, deviations, candidates, p, c, n, prior.clearance, 0.0)
+    return math.log(accessible_share(free, prior))

@@ -16,6 +16,7 @@ from contactsense.localization.simd_neighbourhood import QUADRATURE_POINTS, QUAD
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.surface.union import distances
+from contactsense.robots.vectors import vector
 from contactsense.solvers.posterior import Prior
 
 
@@ -66,9 +67,11 @@ def log_accessible_share(
     d, which, normal = distances(surfaces, around, link)
     around -= d[:, None] * normal
     body = min(link, len(origin) - 1)
-    lifted = (around + prior.clearance * normal) @ rotation[body].T + origin[body]
-    share = np.empty(len(lifted))
-    _shares(surfaces, deviations, body_frames(surfaces, rotation, origin), prior, which, lifted, share)
+    places, normals = around @ rotation[body].T + origin[body], normal @ rotation[body].T
+    share = np.empty(len(places))
+    _shares(
+        surfaces, deviations, body_frames(surfaces, rotation, origin), prior, which, places, normals, share
+    )
     height = (rotation[body][2] @ (point - d[0] * n)) + origin[body][2]
     if is_mounting_face(link, height, float(rotation[body][2] @ n), 2.0 * prior.surface_deviation):
         return -math.inf
@@ -83,10 +86,10 @@ def _shares(
     prior: Prior,
     which: np.ndarray,
     points: np.ndarray,
+    normals: np.ndarray,
     share: np.ndarray,
 ) -> None:
     for i in range(points.shape[0]):
-        free = clearance(
-            surfaces, deviations, frames, which[i], points[i, 0], points[i, 1], points[i, 2], 0.0
-        )
+        place, normal = vector(points[i]), vector(normals[i])
+        free = clearance(surfaces, deviations, frames, which[i], place, normal, prior.clearance, 0.0)
         share[i] = accessible_share(free, prior)

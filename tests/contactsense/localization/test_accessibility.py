@@ -35,6 +35,15 @@ def arm() -> tuple[Constants, State]:
     return constants, state
 
 
+def _clearance(constants: Constants, state: State, p: int, place: np.ndarray, normal: np.ndarray) -> float:
+    """Clearance of a place on primitive p, 0 if it is positive."""
+    frames, height = state.candidates, constants.prior.clearance
+    free: float = clearance(
+        constants.surfaces, constants.deviations, frames, p, tuple(place), tuple(normal), height, 0.0
+    )
+    return free
+
+
 def _monte_carlo(
     constants: Constants, state: State, p: int, c: np.ndarray, n: np.ndarray, root: np.ndarray
 ) -> tuple[float, np.ndarray]:
@@ -45,12 +54,8 @@ def _monte_carlo(
     for u in np.random.default_rng(1).standard_normal((TRIALS, 2)):
         local = R.T @ (c + (root @ u) @ t - o)
         _, *projected = project(constants.surfaces.kind[p], constants.surfaces.size[p], *local)
-        surface_point = o + R @ np.array(projected[:3])
-        above = surface_point + constants.prior.clearance * (R @ np.array(projected[3:]))
-        share = accessible_share(
-            clearance(constants.surfaces, constants.deviations, state.candidates, p, *above, 0.0),
-            constants.prior,
-        )
+        surface_point, normal = o + R @ np.array(projected[:3]), R @ np.array(projected[3:])
+        share = accessible_share(_clearance(constants, state, p, surface_point, normal), constants.prior)
         total += share
         mean += share * (surface_point - c)
     return total / TRIALS, mean / total

@@ -76,14 +76,13 @@ def test_clearance_is_to_the_mean_surfaces_of_the_neighbours(coarse: Constants) 
         links = range(int(surfaces.link[p]) - 1, int(surfaces.link[p]) + 2)
         others = [k for k in range(len(surfaces.kind)) if k != p and surfaces.link[k] in links]
         for i in range(cells.start[p], cells.start[p + 1]):
-            x = rotation[p] @ (cells.mean_point[i] + 0.005 * cells.mean_normal[i]) + origin[p]
-            distances = [
-                mean_surface_distance(surfaces, cells, k, tuple(rotation[k].T @ (x - origin[k])))
-                for k in others
-            ]
-            expected = min([0.03, *distances])
+            place, normal = rotation[p] @ cells.mean_point[i] + origin[p], rotation[p] @ cells.mean_normal[i]
+            expected = 0.03
+            for k in others:
+                height = 0.0 if surfaces.link[k] == surfaces.link[p] else 0.005
+                x = rotation[k].T @ (place + height * normal - origin[k])
+                expected = min(expected, mean_surface_distance(surfaces, cells, k, tuple(x)))
             near += expected < 0.03
-            assert clearance(surfaces, cells, state.candidates, p, *x, 0.03) == pytest.approx(
-                expected, abs=1e-12
-            )
+            found = clearance(surfaces, cells, state.candidates, p, tuple(place), tuple(normal), 0.005, 0.03)
+            assert found == pytest.approx(expected, abs=1e-12)
     assert near > 20
