@@ -15,9 +15,7 @@ from contactsense.localization.candidate_buffers import Candidates
 from contactsense.localization.local_prior import DeviationCells
 from contactsense.localization.mean_surface_distance import mean_surface_distance
 from contactsense.localization.simd_neighbourhood import (
-    AX,
     QUADRATURE_RINGS,
-    X,
     accessible_moments,
     cover_points,
     spread_points,
@@ -223,11 +221,11 @@ def apply_accessibility(
     d = math.sqrt(max(v22 - b * b, 0.0))
     axes = (add_scaled(scale(a, t1), b, t2), scale(d, t2))
     kind, size, points = surfaces.kind[p], surfaces.size[p], candidates.points
-    spread_points(kind, size, R, o, vector(c), axes, prior.clearance, points)
+    spread_points(kind, size, R, o, vector(c), axes, points)
     for k in range(near):
         q = candidates.near[k]
-        tested = X if surfaces.link[q] == surfaces.link[p] else AX
-        cover_points(surfaces, deviations, q, candidates.rotation[q], candidates.origin[q], tested, points)
+        height = 0.0 if surfaces.link[q] == surfaces.link[p] else prior.clearance
+        cover_points(surfaces, deviations, q, candidates.rotation[q], candidates.origin[q], height, points)
     share, (mx, my, mz), (xx, xy, xz, yy, yz, zz) = accessible_moments(
         vector(c), prior.surface_deviation / PENETRATION_SCALE, points
     )

@@ -38,11 +38,10 @@ _U1, _U2, _WEIGHT = (
     np.pad(column, (0, POINTS - _POINTS)) for column in (*QUADRATURE_POINTS.T, QUADRATURE_WEIGHTS)
 )
 
-X, Y, Z, NX, NY, NZ, AX, AY, AZ, COVER = range(0, 10 * POINTS, POINTS)
-"""Offsets of a point's quantities. `X` to `NZ`: the point on the surface and the normal there; `AX` to
-`AZ`: the point above it, at the height that a touching object needs [m]. `COVER`: distance from the nearest
-primitive of the one of them that this primitive must not cover, if it does, else 0 [m]."""
-LENGTH = 10 * POINTS
+X, Y, Z, NX, NY, NZ, COVER = range(0, 7 * POINTS, POINTS)
+"""Offsets of a point's quantities. `X` to `NZ`: the point on the surface and the normal there. `COVER`:
+distance of the place above it from the nearest primitive, if it is inside one, else 0 [m]."""
+LENGTH = 7 * POINTS
 """Length of the scratch array."""
 
 
@@ -54,7 +53,6 @@ def spread_points(
     o: np.ndarray,
     c: Vector,
     axes: tuple[Vector, Vector],
-    height: float,
     points: np.ndarray,
 ) -> None:
     """Put the quadrature's points about a point of a primitive's surface into the scratch array, base frame.
@@ -64,7 +62,6 @@ def spread_points(
         c: The point, base frame [m].
         axes: Root of its covariance: vectors tangential to the surface [m]. The points are at
             c + u1 axes[0] + u2 axes[1], moved to the nearest place on the surface.
-        height: Of the points above the surface [m].
         points: Filled.
     """
     body_axes, origin = _axes(R), vector(o)
@@ -87,9 +84,8 @@ def spread_points(
     for j in range(POINTS):
         point = transposed_matvec(body_axes, (points[X + j], points[Y + j], points[Z + j]))
         normal = transposed_matvec(body_axes, (points[NX + j], points[NY + j], points[NZ + j]))
-        point = add(origin, point)
-        points[X + j], points[Y + j], points[Z + j] = point
-        points[AX + j], points[AY + j], points[AZ + j] = add_scaled(point, height, normal)
+        points[X + j], points[Y + j], points[Z + j] = add(origin, point)
+        points[NX + j], points[NY + j], points[NZ + j] = normal
         points[COVER + j] = 0.0
 
 
@@ -100,31 +96,37 @@ def cover_points(
     p: int,
     R: np.ndarray,
     o: np.ndarray,
-    tested: int,
+    height: float,
     points: np.ndarray,
 ) -> None:
-    """Lower `COVER` where points are inside the mean surface of primitive p.
+    """Lower `COVER` where places above the points are inside the mean surface of primitive p.
 
     Args:
         surfaces, deviations: All primitives, and where the surface is on average.
         p, R, o: The primitive and its body frame in the base frame.
-        tested: `X`: the points on the surface; `AX`: those above them.
+        height: Of the places above the surface [m].
         points: The scratch array.
     """
     body_axes, origin = _axes(R), vector(o)
-    size, x, y, z = surfaces.size[p], tested, tested + POINTS, tested + 2 * POINTS
+    size = surfaces.size[p]
     if surfaces.kind[p] == REVOLVED and deviations.displacement[p] == 0.0:
         body = profile(size[0], size[1], size[2], size[3])
         for j in range(POINTS):
-            point = (points[x + j], points[y + j], points[z + j])
-            distance = project_revolved(body, *matvec(body_axes, subtract(point, origin)))[0]
+            place = matvec(body_axes, subtract(_above(points, j, height), origin))
+            distance = project_revolved(body, *place)[0]
             points[COVER + j] = min(points[COVER + j], distance)
     else:
         for j in range(_POINTS):
-            point = (points[x + j], points[y + j], points[z + j])
-            place = matvec(body_axes, subtract(point, origin))
+            place = matvec(body_axes, subtract(_above(points, j, height), origin))
             distance = mean_surface_distance(surfaces, deviations, p, place)
             points[COVER + j] = min(points[COVER + j], distance)
+
+
+@inlined_fused_kernel
+def _above(points: np.ndarray, j: int, height: float) -> Vector:
+    """The place `height` above point j, base frame [m]."""
+    normal = (points[NX + j], points[NY + j], points[NZ + j])
+    return add_scaled((points[X + j], points[Y + j], points[Z + j]), height, normal)
 
 
 @inlined_fused_kernel
