@@ -1,9 +1,8 @@
 """Accessibility: which points of the surface can be touched.
 
-A point cannot if it is inside of its own link, if a body of the cell or another link leaves no free height
-above it, or if it is on the mounting face of the base. Of its own link the point itself must be outside of
-all other primitives, not the height above it: near a concave edge that height is within the next face, which
-covers nothing.
+A point cannot if it is inside of its own link, if a body of the cell or another link leaves no room for a
+finger above it, or if it is on the mounting face of the base. Its own link need not leave that room: beside a
+concave edge, the next face is within it.
 """
 
 import math
@@ -36,6 +35,9 @@ CURVATURE_MARGIN = 1.1
 FULL_CLEARANCE_SIGMAS = CURVATURE_MARGIN * QUADRATURE_RINGS[1][0]
 """A candidate is not changed if its clearance exceeds this many standard deviations: beyond the second ring
 lies one percent of the weight."""
+OWN_CLEARANCE = 0.5e-3
+"""Height above a point that all other primitives of the same link must leave free [m]: more than none, as
+the faces on which two primitives touch are inside of the link."""
 PENETRATION_SCALE = 4.0
 """Scale of the tolerated penetration: the surface deviation over this number."""
 FULLY_ACCESSIBLE = 0.98
@@ -52,6 +54,13 @@ class Frames(Protocol):
     @property
     def origin(self) -> np.ndarray:
         """Origins, shape (P, 3) [m]."""
+
+
+@inlined_fused_kernel
+def _free_height(surfaces: Surfaces, p: int, link: int, height: float) -> float:
+    """Height that primitive p must leave free above the points of a link [m]; `height`: if it is not its
+    own."""
+    return OWN_CLEARANCE if surfaces.link[p] == link else height
 
 
 @inlined_fused_kernel
@@ -93,9 +102,8 @@ def clearance(
     height: float,
     max_distance: float,
 ) -> float:
-    """Clearance of a point of the surface: its distance from the mean surfaces of the other primitives of its
-    link, or that of the place above it from those of a neighbouring link, or of a body of the cell that
-    covers; the least of them [m].
+    """Clearance of a point: distance of the place above it from the mean surface of the nearest other
+    primitive of its link or of a neighbouring one, or of a body of the cell that covers [m].
 
     Args:
         surfaces: Primitives; those beyond the last link's are of bodies that cover.
@@ -103,7 +111,7 @@ def clearance(
         frames: Their body frames in the base frame.
         excluded: Primitive that is ignored: the one on which the point lies.
         c, n: The point [m] and the outward normal there, base frame.
-        height: Height of the place above it that must be free of other links [m].
+        height: Height of the place above it, `OWN_CLEARANCE` for primitives of its own link [m].
         max_distance: Upper bound of the result [m].
 
     Returns:
@@ -117,7 +125,7 @@ def clearance(
     for k in range(last - first + surfaces.kind.shape[0] - covers):
         p = first + k if k < last - first else covers + k - (last - first)
         if p != excluded:
-            above = 0.0 if surfaces.link[p] == link else height
+            above = _free_height(surfaces, p, link, height)
             distance = _clearance_from(surfaces, deviations, frames, p, above, c, n, distance)
     return distance
 
@@ -174,7 +182,7 @@ def candidate_clearance(
         p = first + k if k < last - first else covers + k - (last - first)
         if p == candidates.primitive[row]:
             continue
-        above = 0.0 if surfaces.link[p] == link else prior.clearance
+        above = _free_height(surfaces, p, link, prior.clearance)
         own = _clearance_from(surfaces, deviations, candidates, p, above, place, normal, reach)
         if own < reach:
             candidates.near[near] = p
@@ -224,7 +232,7 @@ def apply_accessibility(
     spread_points(kind, size, R, o, vector(c), axes, points)
     for k in range(near):
         q = candidates.near[k]
-        height = 0.0 if surfaces.link[q] == surfaces.link[p] else prior.clearance
+        height = _free_height(surfaces, q, surfaces.link[p], prior.clearance)
         cover_points(surfaces, deviations, q, candidates.rotation[q], candidates.origin[q], height, points)
     share, (mx, my, mz), (xx, xy, xz, yy, yz, zz) = accessible_moments(
         vector(c), prior.surface_deviation / PENETRATION_SCALE, points

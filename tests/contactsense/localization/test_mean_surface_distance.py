@@ -5,7 +5,7 @@ import pytest
 
 from contactsense import Scene
 from contactsense.kinematics.momenta import kinematics_and_momenta
-from contactsense.localization.accessibility import clearance
+from contactsense.localization.accessibility import OWN_CLEARANCE, clearance
 from contactsense.localization.local_prior import nearest_cell
 from contactsense.localization.mean_surface_distance import mean_surface_distance
 from contactsense.localization.ranking import place_primitives
@@ -79,7 +79,7 @@ def test_clearance_is_to_the_mean_surfaces_of_the_neighbours(coarse: Constants) 
             place, normal = rotation[p] @ cells.mean_point[i] + origin[p], rotation[p] @ cells.mean_normal[i]
             expected = 0.03
             for k in others:
-                height = 0.0 if surfaces.link[k] == surfaces.link[p] else 0.005
+                height = OWN_CLEARANCE if surfaces.link[k] == surfaces.link[p] else 0.005
                 x = rotation[k].T @ (place + height * normal - origin[k])
                 expected = min(expected, mean_surface_distance(surfaces, cells, k, tuple(x)))
             near += expected < 0.03

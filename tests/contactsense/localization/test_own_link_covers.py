@@ -6,14 +6,16 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from contactsense import JointTorqueSensor, Localizer, Scene, WrenchSensor
+from contactsense import JointTorqueSensor, Localizer, Scene, WrenchSensor, robots
 from contactsense.kinematics.momenta import kinematics_and_momenta
-from contactsense.localization.accessibility import clearance
+from contactsense.localization.accessibility import OWN_CLEARANCE, clearance
 from contactsense.localization.ranking import place_primitives
 from contactsense.readings import forward_model
+from contactsense.robots.primitives import Box
 from contactsense.robots.surface.union import distances
 from contactsense.runtime.constants import Constants, build_constants
 from contactsense.runtime.state import State, empty_state
+from tests.plain_arm import plain_ur5e
 
 PENETRATION = 1e-3
 """Depth inside a link at which no contact can be: several standard deviations of the surface [m]."""
@@ -86,10 +88,34 @@ def test_no_explanation_is_inside_of_its_own_link(arm: Arm) -> None:
 
 
 def test_a_concave_edge_can_be_touched(arm: Arm) -> None:
-    # The height above it is within the next face of the same link.
+    # The room for a finger above it is within the next face of the same link.
     samples, surfaces = arm.constants.samples, arm.constants.surfaces
     above = samples.point + arm.constants.prior.clearance * samples.normal
     concave = [
         s for s in range(len(above)) if distances(surfaces, above[s : s + 1], _link(arm, s))[0][0] < -1e-3
     ]
     assert any(_clearance(arm, s) == pytest.approx(0.0, abs=1e-9) for s in concave)
+
+
+def test_the_face_on_which_two_primitives_touch_cannot_be_touched() -> None:
+    plain = plain_ur5e()
+    left = Box(center=(0.2, 0.3, 0.05), half=(0.1, 0.15, 0.05), rounding=0.001)
+    right = Box(center=(0.4, 0.3, 0.04), half=(0.1, 0.15, 0.04), rounding=0.001)
+    base = robots.Link(plain.links[0].name, plain.links[0].inertia, (left, right))
+    robot = robots.Robot(
+        plain.name, (base, *plain.links[1:]), plain.joints, plain.flange_rotation, plain.flange_translation
+    )
+    constants = build_constants(Scene(robot=robot))
+    state = empty_state(constants)
+    kinematics_and_momenta(constants.model, Q, np.zeros(6), constants.gravity, state.motion)
+    place_primitives(constants.surfaces, constants.sensors.depth, state.motion, state.candidates)
+    free = [
+        clearance(
+            constants.surfaces, constants.deviations, state.candidates, 0, (0.3, 0.3, z), (1.0, 0.0, 0.0),
+            constants.prior.clearance, 0.01,
+        )
+        for z in (0.04, 0.09)
+    ]  # fmt: skip
+    # Below the top of the other one, and above it.
+    assert free[0] == pytest.approx(-OWN_CLEARANCE, abs=1e-9)
+    assert free[1] > 0.0
