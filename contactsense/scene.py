@@ -155,8 +155,8 @@ class Scene(FileModel):
     """Largest number of simultaneous contacts in a stream; a further one is distinguished from those already
     tracked."""
     clearance: Annotated[float, Field(ge=0.0, le=1.0)] = 0.005
-    """Free space above a point that an object needs to touch it, at least a fingertip [m]: faces in the gap
-    of a joint cannot be touched."""
+    """Free space that other links and bodies must leave above a point that is touched, at least a fingertip
+    [m]: faces in the gap of a joint cannot be touched."""
     surface_error: Annotated[float, Field(gt=0.0, le=0.1)] | None = None
     """Standard deviation of the primitives' distance from the real surface [m], the same everywhere. None:
     that of each place in the arm's surface file; where it has none, 0.0005, with `coarse` 0.004. A
