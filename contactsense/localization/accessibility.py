@@ -58,9 +58,9 @@ class Frames(Protocol):
 
 @inlined_fused_kernel
 def _free_height(surfaces: Surfaces, p: int, link: int, height: float) -> float:
-    """Height that primitive p must leave free above the points of a link [m]; `height`: if it is not its
-    own."""
-    return OWN_CLEARANCE if surfaces.link[p] == link else height
+    """Height that primitive p must leave free above the points of a link [m]: `height` if it is not one of
+    the link's own."""
+    return OWN_CLEARANCE if surfaces.start[link] <= p < surfaces.start[link + 1] else height
 
 
 @inlined_fused_kernel

@@ -13,6 +13,7 @@ from contactsense.localization.ranking import place_primitives
 from contactsense.readings import forward_model
 from contactsense.robots.primitives import Box
 from contactsense.robots.surface.union import distances
+from contactsense.robots.surroundings import Body
 from contactsense.runtime.constants import Constants, build_constants
 from contactsense.runtime.state import State, empty_state
 from tests.plain_arm import plain_ur5e
@@ -119,3 +120,23 @@ def test_the_face_on_which_two_primitives_touch_cannot_be_touched() -> None:
     # Below the top of the other one, and above it.
     assert free[0] == pytest.approx(-OWN_CLEARANCE, abs=1e-9)
     assert free[1] > 0.0
+
+
+def test_a_cover_of_the_base_link_must_leave_the_room_of_a_finger() -> None:
+    """Covers follow the primitives of all links, and are none of the base link's own."""
+    gap = 0.003
+    wall = Body(
+        name="wall",
+        role="cover",
+        primitives=(Box(center=(0.175 + gap, 0, 0.05), half=(0.1, 0.2, 0.04), rounding=0.01),),
+    )
+    constants = build_constants(Scene(robot=plain_ur5e(), bodies=(wall,)))
+    state = empty_state(constants)
+    kinematics_and_momenta(constants.model, Q, np.zeros(6), constants.gravity, state.motion)
+    place_primitives(constants.surfaces, constants.sensors.depth, state.motion, state.candidates)
+    height = constants.prior.clearance
+    free = clearance(
+        constants.surfaces, constants.deviations, state.candidates, 0, (0.075, 0.0, 0.05), (1.0, 0.0, 0.0),
+        height, 0.0,
+    )  # fmt: skip
+    assert free == pytest.approx(gap - height, abs=1e-9)
