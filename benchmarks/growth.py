@@ -6,8 +6,7 @@ several is the same body, so that only the number of primitives differs.
 """
 
 import json
-import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,6 +20,7 @@ from rich.table import Table
 from contactsense import JointTorqueSensor, Localizer, Scene, WrenchSensor
 from contactsense.benchmarks import options
 from contactsense.benchmarks.accuracy.static_cases import COLUMNS
+from contactsense.benchmarks.live.search_parts import microseconds
 from contactsense.robots.primitives import Capsule
 from contactsense.robots.robot import Inertia, Joint, Link, Robot
 from contactsense.service.drawing.figure_style import figure_style
@@ -44,8 +44,6 @@ FORCE = 20.0
 CONTACTS = (1, 2, 3)
 FITTED = ("primitives", "links")
 """Where a power is fitted. One contact has a search of its own, so that no power fits the contacts."""
-REPETITIONS = 5
-"""The fastest of these counts: the others were interrupted more often."""
 
 
 class Point(NamedTuple):
@@ -136,21 +134,11 @@ def _localizer(robot: Robot, contacts: int = 1) -> Localizer:
     )
 
 
-def _microseconds(call: Callable[[], object], samples: int) -> float:
-    call()
-    times = []
-    for _ in range(REPETITIONS):
-        start = time.perf_counter()
-        call()
-        times.append(time.perf_counter() - start)
-    return 1e6 * min(times) / samples
-
-
 def one_contact(robot: Robot, samples: int) -> float:
     """Time of one answer of a batch of single contacts [us]."""
     q, wrench, torque = touches(robot, samples, 1)
     localizer = _localizer(robot)
-    return _microseconds(
+    return microseconds(
         lambda: localizer.locate_batch(q, base_wrench=wrench, joint_torque=torque, jobs=1), samples
     )
 
@@ -165,7 +153,7 @@ def several_contacts(robot: Robot, samples: int, contacts: int) -> float:
         for i in range(samples):
             localizer.locate(q[i], base_wrench=wrench[i], joint_torque=torque[i], contacts=contacts)
 
-    return _microseconds(locate, samples)
+    return microseconds(locate, samples)
 
 
 def measure(samples: int) -> Iterator[Point]:
