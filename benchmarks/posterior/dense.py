@@ -17,7 +17,6 @@ from contactsense.benchmarks.posterior.patch_posterior import (
     median_patch,
     most_probable_patch,
     normalize,
-    probability_near,
     wrench_in_link_frame,
 )
 from contactsense.benchmarks.posterior.samples import Samples
@@ -131,30 +130,22 @@ class Dense:
     def __call__(
         self, q: np.ndarray, base_wrench: np.ndarray | None, joint_torque: np.ndarray | None
     ) -> Answers:
-        """See `contactsense.benchmarks.peers.method.Method`; the probability is that within 20 mm."""
+        """See `contactsense.benchmarks.peers.method.Method`."""
         n, links = len(q), len(self._constants.touchable)
-        link = np.zeros(n, dtype=np.int64)
-        point, force = np.zeros((n, 3)), np.zeros((n, 3))
-        probability, link_probability = np.zeros(n), np.zeros((n, links))
+        link, point, link_probability = np.zeros(n, dtype=np.int64), np.zeros((n, 3)), np.zeros((n, links))
         for i in range(n):
-            link[i], probability[i] = self._estimate(
+            link[i] = self._estimate(
                 q[i],
                 None if base_wrench is None else base_wrench[i],
                 None if joint_torque is None else joint_torque[i],
                 point[i],
-                force[i],
             )
             link_probability[i] = self._posterior.link_probability
-        return Answers(link, point, force, probability, link_probability)
+        return Answers(link, point, link_probability)
 
     def _estimate(
-        self,
-        q: np.ndarray,
-        wrench: np.ndarray | None,
-        torque: np.ndarray | None,
-        point: np.ndarray,
-        force: np.ndarray,
-    ) -> tuple[int, float]:
+        self, q: np.ndarray, wrench: np.ndarray | None, torque: np.ndarray | None, point: np.ndarray
+    ) -> int:
         measured = Measurement(
             np.ascontiguousarray(q),
             np.zeros(6) if wrench is None else wrench,
@@ -162,11 +153,11 @@ class Dense:
             np.zeros(len(q)) if torque is None else -torque,
             torque is not None,
         )
-        estimate: tuple[int, float] = _estimate_kernel(
+        link: int = _estimate_kernel(
             self._constants, self.samples, self.prior, measured, self._middle, self._buffers,
-            self._posterior, point, force,
+            self._posterior, point,
         )  # fmt: skip
-        return estimate
+        return link
 
 
 @allocating_fused_kernel
@@ -179,13 +170,8 @@ def _estimate_kernel(
     buffers: Buffers,
     posterior: Posterior,
     point: np.ndarray,
-    force: np.ndarray,
-) -> tuple[int, float]:
-    """Evaluate one measurement: fills the posterior, point and force.
-
-    Returns:
-        Index of the link, -1 for none, and the probability near its point.
-    """
+) -> int:
+    """Evaluate one measurement: fills posterior and point; returns the index of the link, -1 for none."""
     motion, hypotheses, rows, local, probes = buffers
     q, wrench, has_base, torque, has_torque = measured
     density, weight, normal_force, link_probability = posterior
@@ -213,16 +199,11 @@ def _estimate_kernel(
     else:
         patch = most_probable_patch(samples, density, weight, first, last)
     if patch < 0:
-        return -1, 0.0
+        return -1
     R, o = motion.rotation[link], motion.origin[link]
     wrench_in_link_frame(hypotheses.wrench[link], hypotheses.information[link], R, o, local)
     place = np.empty(3)
     mean_near(samples, weight, normal_force, first, last, patch, has_base, prior, local, place)
-    n = samples.normal[patch]
     for i in range(3):
         point[i] = o[i] + R[i, 0] * place[0] + R[i, 1] * place[1] + R[i, 2] * place[2]
-        outward = R[i, 0] * n[0] + R[i, 1] * n[1] + R[i, 2] * n[2]
-        force[i] = hypotheses.wrench[link, i] if has_base else -normal_force[patch] * outward
-    if not math.isfinite(point[0]):
-        return -1, 0.0
-    return link, probability_near(samples, weight, first, last, patch)
+    return link if math.isfinite(point[0]) else -1
