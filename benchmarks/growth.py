@@ -6,8 +6,7 @@ several is the same body, so that only the number of primitives differs.
 """
 
 import json
-import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,6 +20,9 @@ from rich.table import Table
 from contactsense import JointTorqueSensor, Localizer, Scene, WrenchSensor
 from contactsense.benchmarks import options
 from contactsense.benchmarks.accuracy.static_cases import COLUMNS
+from contactsense.benchmarks.live.search_parts import microseconds
+from contactsense.kinematics.forward_kinematics import forward_kinematics
+from contactsense.kinematics.model import build_model, empty_motion
 from contactsense.robots.primitives import Capsule
 from contactsense.robots.robot import Inertia, Joint, Link, Robot
 from contactsense.service.drawing.figure_style import figure_style
@@ -44,8 +46,6 @@ FORCE = 20.0
 CONTACTS = (1, 2, 3)
 FITTED = ("primitives", "links")
 """Where a power is fitted. One contact has a search of its own, so that no power fits the contacts."""
-REPETITIONS = 5
-"""The fastest of these counts: the others were interrupted more often."""
 
 
 class Point(NamedTuple):
@@ -94,35 +94,24 @@ def touches(
     of that many simultaneous pushes on random places."""
     rng = np.random.default_rng(seed)
     n = len(robot.joints)
+    model, motion = build_model(robot), empty_motion(n)
     q = rng.uniform(-1.5, 1.5, (samples, n))
     wrench = rng.standard_normal((samples, 6)) * np.repeat(NOISE[:2], 3)
     torque = rng.standard_normal((samples, n)) * NOISE.torque
     for i in range(samples):
-        rotation, origin, screw = _poses(robot, q[i])
+        forward_kinematics(model, q[i], motion)
         for link in rng.choice(np.arange(1, n + 1), contacts, replace=False):
             angle, along = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.2, 0.8) * LENGTH / n
             normal = np.array([np.cos(angle), np.sin(angle), 0.0])
-            force = rotation[link] @ (-FORCE * normal + 0.1 * FORCE * rng.standard_normal(3))
-            point = origin[link] + rotation[link] @ (RADIUS * normal + np.array([0.0, 0.0, along]))
+            force = motion.rotation[link] @ (-FORCE * normal + 0.1 * FORCE * rng.standard_normal(3))
+            point = motion.origin[link] + motion.rotation[link] @ (
+                RADIUS * normal + np.array([0.0, 0.0, along])
+            )
             applied = np.hstack((force, np.cross(point, force)))
             wrench[i] += applied
             # A joint's actuator holds against what acts beyond it.
-            torque[i, :link] -= screw[:link] @ applied
+            torque[i, :link] -= motion.screw[:link] @ applied
     return q, wrench, torque
-
-
-def _poses(robot: Robot, q: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray], np.ndarray]:
-    """Orientations and origins of all links, and the screws of all joints."""
-    rotation, origin, screw = [np.eye(3)], [np.zeros(3)], []
-    for joint, angle in zip(robot.joints, q.tolist(), strict=True):
-        origin.append(origin[-1] + rotation[-1] @ joint.translation)
-        x, y, z = joint.axis
-        K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        turn = np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * K @ K
-        axis = rotation[-1] @ joint.axis
-        rotation.append(rotation[-1] @ joint.rotation @ turn)
-        screw.append(np.hstack((np.cross(origin[-1], axis), axis)))
-    return rotation, origin, np.array(screw)
 
 
 def _localizer(robot: Robot, contacts: int = 1) -> Localizer:
@@ -136,21 +125,11 @@ def _localizer(robot: Robot, contacts: int = 1) -> Localizer:
     )
 
 
-def _microseconds(call: Callable[[], object], samples: int) -> float:
-    call()
-    times = []
-    for _ in range(REPETITIONS):
-        start = time.perf_counter()
-        call()
-        times.append(time.perf_counter() - start)
-    return 1e6 * min(times) / samples
-
-
 def one_contact(robot: Robot, samples: int) -> float:
     """Time of one answer of a batch of single contacts [us]."""
     q, wrench, torque = touches(robot, samples, 1)
     localizer = _localizer(robot)
-    return _microseconds(
+    return microseconds(
         lambda: localizer.locate_batch(q, base_wrench=wrench, joint_torque=torque, jobs=1), samples
     )
 
@@ -165,7 +144,7 @@ def several_contacts(robot: Robot, samples: int, contacts: int) -> float:
         for i in range(samples):
             localizer.locate(q[i], base_wrench=wrench[i], joint_torque=torque[i], contacts=contacts)
 
-    return _microseconds(locate, samples)
+    return microseconds(locate, samples)
 
 
 def measure(samples: int) -> Iterator[Point]:

@@ -32,7 +32,7 @@ def methods(case: Case, skins: Skins, folder: Path) -> Iterator[Method]:
         meshes = folder / case.points.robot if detail == "skin" else None
         yield Located(case.scene.model_copy(update={"detail": detail, "meshes": meshes}))
     for geometry, samples in skins.samples.items():
-        yield Dense(case.scene, geometry, samples=samples)
+        yield Dense(case.scene, geometry, samples)
     for peer in PEERS:
         if peer.sensors == case.sensors:
             yield peer.make(case.scene)

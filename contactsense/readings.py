@@ -6,9 +6,10 @@ import numpy as np
 
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.inverse_dynamics import inverse_dynamics
-from contactsense.kinematics.model import build_model, empty_motion
+from contactsense.kinematics.model import Motion, build_model, empty_motion
 from contactsense.robots.attribute_docs import with_attributes
 from contactsense.runtime.constants import model_with_tool
+from contactsense.runtime.link_sensors import Mount, mounts
 from contactsense.scene import Scene
 from contactsense.sensors.validation import checked_vector
 
@@ -21,6 +22,11 @@ class Readings(NamedTuple):
     """Torque that each actuator applies [Nm], shape (n,)."""
     base_wrench: np.ndarray
     """Wrench of the arm on the base sensor, base axes, base origin [N, Nm], shape (6,)."""
+    wrist_wrench: np.ndarray | None
+    """Wrench on the wrist sensor of what it carries, base axes, base origin [N, Nm], shape (6,); None: the
+    scene has none."""
+    link_wrenches: dict[str, np.ndarray]
+    """The same of each of `Scene.link_wrenches`, by its name."""
 
 
 def forward_model(
@@ -37,7 +43,8 @@ def forward_model(
     """Readings of the sensors when an arm at rest is touched.
 
     A contact wrench w on link k adds w to the base wrench and -s_j . w to the torque of every joint j below
-    that link (Haddadin, De Luca & Albu-Schaeffer, T-RO 2017).
+    that link (Haddadin, De Luca & Albu-Schaeffer, T-RO 2017), and w to the sensors within the arm that carry
+    the link.
 
     Args:
         scene: The arm, its mounting and its sensors.
@@ -76,4 +83,20 @@ def forward_model(
         still = np.zeros(joints)
         weight = model_with_tool(scene)
         inverse_dynamics(weight, q, still, still, scene.gravity_base, motion, torque, base)
-    return Readings(torque + felt, base + wrench)
+    links = {}
+    for field, mount in mounts(scene).items():
+        links[field] = wrench if index >= mount.first_link else np.zeros(6)
+        if not external:
+            links[field] = links[field] + _weight(mount, motion, scene.gravity_base)
+    wrist = links.pop("wrist_wrench", None)
+    named = {field.removeprefix("link_wrenches."): reading for field, reading in links.items()}
+    return Readings(torque + felt, base + wrench, wrist, named)
+
+
+def _weight(mount: Mount, motion: Motion, gravity: np.ndarray) -> np.ndarray:
+    """Weight that a sensor within the arm carries, base axes, base origin, shape (6,) [N, Nm]."""
+    if mount.first_body < len(motion.gravity):
+        return np.asarray(motion.gravity[mount.first_body])
+    force = mount.load.mass * gravity
+    place = motion.origin[mount.body] + motion.rotation[mount.body] @ mount.load.com
+    return np.concatenate((force, np.cross(place, force)))

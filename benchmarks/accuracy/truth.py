@@ -116,9 +116,9 @@ def measure(
         "noise": noise._asdict(),
         "samples": len(right),
         "link_right": float(right.mean()),
-        "error_mm": _quantiles(error),
-        "error_mm_link_right": _quantiles(error[right]),
-        "error_mm_clear": _quantiles(error[batch.probability >= scene.clear]),
+        "error_mm": error_quantiles(error),
+        "error_mm_link_right": error_quantiles(error[right]),
+        "error_mm_clear": error_quantiles(error[batch.probability >= scene.clear]),
         "listed": _listed(localizer, points, wrench, torque),
         "microseconds_per_sample": 1e6 * seconds / len(right),
         "ambiguous": float((batch.probability < scene.clear).mean()),
@@ -150,7 +150,8 @@ def _listed(
     return hits / len(points.q)
 
 
-def _quantiles(error: np.ndarray) -> dict[str, float | None]:
+def error_quantiles(error: np.ndarray) -> dict[str, float | None]:
+    """Median and 95 % quantile; None if infinite, or of no values."""
     if len(error) == 0:
         return {"median": None, "p95": None}
     values = np.quantile(error, [0.5, 0.95], method="higher")

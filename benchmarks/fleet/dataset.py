@@ -171,7 +171,7 @@ def _contacts(trajectory: Trajectory, trials: Trials, chance: np.random.Generato
         if chance.random() < 0.5:
             duration = float(chance.uniform(*DURATIONS))
             posture = q[min(round(100.0 * (start + 0.5 * duration)), len(q) - 1)]
-            push, rotation, origin = trials.push_at(posture, float(chance.uniform(*FORCES)), "cone")
+            push, rotation, origin = trials.push_at(posture, float(chance.uniform(*FORCES)))
             yield Contact(
                 link=trials.link_names[push.link],
                 point=_vector(rotation.T @ (push.point - origin)),

@@ -63,22 +63,10 @@ TARGETS: list[Target] = [
     Target("RTDE requests", _requests, RtdeProtocolError, _REQUESTS),
     Target("RTDE data", _RECIPE.unpack, RtdeProtocolError, (_PACKET[3:],)),
     Target(
-        "Net F/T records",
-        netft.parse_record,
-        netft.RdtProtocolError,
-        (netft.Record(5, 6, 0, (1, 2, 3, 4, 5, 6)).encode(),),
-    ),
-    Target(
         "Net F/T requests",
         netft.parse_request,
         netft.RdtProtocolError,
         (netft.Request(netft.Command.START_REALTIME, 0).encode(),),
-    ),
-    Target(
-        "Net F/T configuration",
-        netft.parse_configuration,
-        netft.RdtProtocolError,
-        (netft.Configuration().encode(),),
     ),
 ]
 """Parsers of the sensors' protocols."""

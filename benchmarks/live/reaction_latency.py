@@ -28,7 +28,7 @@ from contactsense.service.api.client import Client, ClientError
 from contactsense.service.demo.child_process import ChildError
 from contactsense.service.demo.processes import Stage
 from contactsense.service.mock.rtde_server import RATE
-from contactsense.service.mock.sent_log import DEFAULT_SIZE, SentLog
+from contactsense.service.mock.sent_log import SIZE, SentLog
 
 READERS = 8
 EDGES = (0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0, 10.0, 20.0, 50.0)
@@ -100,7 +100,7 @@ def measure(seconds: float) -> ReactionLatency:
         ChildError: A process did not start.
         ClientError: The service stopped sending.
     """
-    seconds = min(seconds, DEFAULT_SIZE / RATE - _WARM_UP - 5.0)
+    seconds = min(seconds, SIZE / RATE - _WARM_UP - 5.0)
     with tempfile.TemporaryDirectory() as name, Stage("ur5e") as stage:
         folder = Path(name)
         (folder / "reactions.yaml").write_text(yaml.safe_dump(rules(stage.rtde_port)))

@@ -47,7 +47,7 @@ class Parts(NamedTuple):
 
 
 @kernel
-def before_the_search(
+def _before_the_search(
     buffers: Buffers, measured: Measured, usable: Usable, squared_lever: np.ndarray
 ) -> None:
     """Everything before the search, for N samples; fills the squared ratio of the moment's deviation to the
@@ -65,6 +65,7 @@ def before_the_search(
 
 
 def microseconds(call: Callable[[], object], samples: int) -> float:
+    """Time of a call that answers this number of samples, per sample; NaN without samples [us]."""
     if samples == 0:
         return float("nan")
     call()
@@ -90,7 +91,7 @@ def measure(points: StaticPoints, noise: Noise, sensors: str) -> Parts:
     )
     buffers, squared_lever = localizer._buffers.arguments, np.empty(samples)
     before = microseconds(
-        lambda: before_the_search(buffers, values, (has_base, has_torque, 0), squared_lever), samples
+        lambda: _before_the_search(buffers, values, (has_base, has_torque, 0), squared_lever), samples
     )
     known = has_base & (squared_lever < LINE_OF_ACTION_DEVIATION**2)
 

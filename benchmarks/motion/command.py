@@ -14,6 +14,7 @@ from rich.table import Table
 from contactsense import JointTorqueSensor, Localizer, Sample, Scene, WrenchSensor
 from contactsense.benchmarks import options
 from contactsense.benchmarks.accuracy.static_cases import ASSUMED, COLUMNS, SENSORS, Noise
+from contactsense.benchmarks.accuracy.truth import error_quantiles
 from contactsense.benchmarks.arms import arm
 from contactsense.benchmarks.motion import options as motion_options
 from contactsense.benchmarks.motion.at_rest import static_error, with_noise_scaled
@@ -196,8 +197,8 @@ def _summary(
     if len(error) and resting:
         static, static_right = static_error(resting, score.rows, noise, sensors)
         static *= 1e3
-    live, rest = _quantiles(error), _quantiles(static)
-    delay = _quantiles(1e3 * np.array(score.delay))
+    live, rest = error_quantiles(error), error_quantiles(static)
+    delay = error_quantiles(1e3 * np.array(score.delay))
     return {
         "touched_samples": score.touched,
         "answered": len(error) / score.touched if score.touched else None,
@@ -233,7 +234,7 @@ def _over_time(answers: Sequence[Answer]) -> list[dict[str, Any]]:
                     "link_stated": _mean([answer.stated for answer in answered]),
                     "apart": _mean([answer.apart for answer in answered]),
                     "ambiguous": float(np.mean([answer.ambiguous for answer in chosen])),
-                    "error_mm": _quantiles(1e3 * np.array([answer.error for answer in chosen])),
+                    "error_mm": error_quantiles(1e3 * np.array([answer.error for answer in chosen])),
                 }
             )
     return rows
@@ -245,15 +246,6 @@ def _mean(values: Sequence[float]) -> float | None:
 
 def _ratio(live: float | None, rest: float | None) -> float | None:
     return live / rest if live is not None and rest else None
-
-
-def _quantiles(values: np.ndarray) -> dict[str, float | None]:
-    if len(values) == 0:
-        return {"median": None, "p95": None}
-    found = np.quantile(values, [0.5, 0.95], method="higher")
-    return {
-        name: float(v) if np.isfinite(v) else None for name, v in zip(("median", "p95"), found, strict=True)
-    }
 
 
 def _print_over_time(results: Sequence[dict[str, Any]], model: str) -> None:

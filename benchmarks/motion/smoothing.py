@@ -19,6 +19,7 @@ from contactsense.benchmarks import options
 from contactsense.benchmarks.accuracy.calibration import REGION
 from contactsense.benchmarks.accuracy.credible_regions import level, mixture
 from contactsense.benchmarks.accuracy.static_cases import COLUMNS, Noise
+from contactsense.benchmarks.accuracy.truth import error_quantiles
 from contactsense.benchmarks.motion import options as motion_options
 from contactsense.benchmarks.motion.command import samples, scene_for
 from contactsense.benchmarks.motion.options import MODELS
@@ -170,26 +171,17 @@ def summary(contacts: Sequence[Comparison]) -> dict[str, Any]:
             "whole_right": float(np.mean([c.whole_right for c in answered])) if answered else None,
         },
         "end": {
-            name: _quantiles([getattr(c, name) for c in contacts])
+            name: error_quantiles(1e3 * np.array([getattr(c, name) for c in contacts]))
             for name in ("live", "whole", "surface_limit", "limit")
         },
         "ratio": _ratio(contacts),
         "all_samples": {
-            "live": _quantiles([e for c in contacts for e in c.live_all]),
-            "whole": _quantiles([e for c in contacts for e in c.whole_all]),
+            "live": error_quantiles(1e3 * np.array([e for c in contacts for e in c.live_all])),
+            "whole": error_quantiles(1e3 * np.array([e for c in contacts for e in c.whole_all])),
         },
         "predicted_mm": 1e3 * float(np.median([c.predicted for c in answered])) if answered else None,
         "covered_90": within / len(answered) if answered else None,
         "covered_90_interval": [float(interval.low), float(interval.high)] if interval else None,
-    }
-
-
-def _quantiles(errors: list[float]) -> dict[str, float | None]:
-    """Median and 95th percentile [mm]; None if infinite."""
-    found = np.quantile(errors, [0.5, 0.95], method="higher")
-    return {
-        name: 1e3 * float(value) if np.isfinite(value) else None
-        for name, value in zip(("median", "p95"), found, strict=True)
     }
 
 

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from contactsense.benchmarks.motion.streams import Stream
+from contactsense.robots.rotations import cross_matrix
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.surface.union import distances
 from contactsense.service.analysis.contact_history import ContactHistory
@@ -141,12 +142,12 @@ def smoothing_limit(
         p, n = places[w], normals[w]
         L, a, M = (part[w] for part in measured.sums)
         G = np.zeros((6, 4))
-        G[:3, :3], G[3:, :3], G[3:, 3] = np.eye(3), _cross(p), n
+        G[:3, :3], G[3:, :3], G[3:, 3] = np.eye(3), cross_matrix(p), n
         H = G.T @ L @ G
         H[3, 3] += 1.0 / (len(measured.t) * (prior.torsion_lever * path.force) ** 2)
         u = np.linalg.solve(H, G.T @ a)
         E = np.zeros((6, shared))
-        E[3:] = -_cross(u[:3]) @ displacement(n, path.way[w])
+        E[3:] = -cross_matrix(u[:3]) @ displacement(n, path.way[w])
         g[:shared] -= E.T @ (a - L @ G @ u)
         g[shared:] += M.T @ G @ u
         J = np.hstack((G.T @ L @ E, G.T @ M))
@@ -168,8 +169,3 @@ def _in_link(stream: Stream, frames: Summarizer, k: int, link: int) -> tuple[np.
     """True place [m] and normal of a sample, in the link's frame."""
     origin, rotation = frames.link_pose(stream.q[k], link)
     return (stream.point_base[k] - origin) @ rotation, stream.normal_base[k] @ rotation
-
-
-def _cross(v: np.ndarray) -> np.ndarray:
-    """Matrix of the cross product v x, shape (3, 3)."""
-    return np.cross(np.eye(3), v)

@@ -69,14 +69,12 @@ def judge(
     rng = np.random.default_rng(seed + 1)
     one_by_one = scenario.arrival == "one_by_one"
     for _ in range(count):
-        trial = trials.draw(contacts, force, "different", "cone")
+        trial = trials.draw(contacts, force, "different")
         pushes = list(trial.pushes)
         known: tuple[Contact, ...] = ()
         for number in range(1, contacts + 1) if one_by_one else (contacts,):
             if one_by_one:
-                pushes[: number - 1] = [
-                    trials.changed(push, scenario.drift, "cone") for push in pushes[: number - 1]
-                ]
+                pushes[: number - 1] = [trials.changed(push, scenario.drift) for push in pushes[: number - 1]]
             now = trial.measure(pushes[:number])
             estimate = _locate(localizer, trial, now, noise, rng, number, known, scenario.drift)
             links = np.array([push.link for push in pushes[:number]])

@@ -15,7 +15,7 @@ from contactsense.benchmarks.accuracy.static_cases import COLUMNS, Detail, Noise
 from contactsense.benchmarks.multi_contact.measure import WITHIN, Scenario, localizer_for, measure
 from contactsense.benchmarks.multi_contact.pairs import measure_pairs
 from contactsense.benchmarks.multi_contact.stream import measure_stream
-from contactsense.benchmarks.multi_contact.trials import ForceDirection, Links
+from contactsense.benchmarks.multi_contact.trials import Links
 
 SCENARIOS = (Scenario("one_by_one", 0.5), Scenario("one_by_one", None), Scenario("at_once", None))
 
@@ -33,14 +33,6 @@ SCENARIOS = (Scenario("one_by_one", 0.5), Scenario("one_by_one", None), Scenario
     default="different",
     show_default=True,
     help="All contacts on different links, or all on one.",
-)
-@click.option(
-    "--lean",
-    "direction",
-    type=click.Choice(get_args(ForceDirection)),
-    default="cone",
-    show_default=True,
-    help="Directions of the forces: all over the friction disc, or square to the surface.",
 )
 @click.option("--noise", type=float, nargs=3, help="One column only: N, Nm, Nm (base force, moment, torque).")
 @click.option(
@@ -63,7 +55,6 @@ def several(
     trials: int,
     force: float,
     links: Links,
-    direction: ForceDirection,
     noise: tuple[float, float, float] | None,
     truth: Path | None,
     detail: Detail,
@@ -93,7 +84,6 @@ def several(
             for robot, level, speed in streams:
                 row = measure_stream(
                     localizer_for(robot, level, contacts=2, detail=detail), level, trials, speed, force=force,
-                    direction=direction,
                     tick=lambda: progress.advance(task),
                 )  # fmt: skip
                 results.append({"robot": robot, "noise": str(level)} | row)
@@ -104,16 +94,16 @@ def several(
                 for scenario in SCENARIOS[:1] if count == 1 else SCENARIOS:
                     row = measure(
                         localizer, level, trials, count, scenario, force=force, links=links,
-                        direction=direction, tick=lambda: progress.advance(task),
+                        tick=lambda: progress.advance(task),
                     )  # fmt: skip
                     known = "" if count == 1 else _scenario_name(scenario)
                     results.append({"robot": robot, "noise": str(level), "arriving": known} | row)
     if as_json:
         click.echo(json.dumps(results, indent=1))
     elif speeds and truth is None:
-        _print_streams(results, f"{force:g} N, {direction}, different links")
+        _print_streams(results, f"{force:g} N, cone, different links")
     else:
-        subtitle = "pairs of the moving truth" if truth else f"{force:g} N, {direction}, {links} links"
+        subtitle = "pairs of the moving truth" if truth else f"{force:g} N, cone, {links} links"
         _print(results, subtitle)
 
 

@@ -10,7 +10,7 @@ from scipy.optimize import linear_sum_assignment
 from contactsense import Contact, JointTorqueSensor, Localizer, Scene, WrenchSensor
 from contactsense.benchmarks.accuracy.static_cases import ASSUMED, SENSORS, Detail, Noise
 from contactsense.benchmarks.arms import arm
-from contactsense.benchmarks.multi_contact.trials import ForceDirection, Links, Trials
+from contactsense.benchmarks.multi_contact.trials import Links, Trials
 
 Arrival = Literal["at_once", "one_by_one"]
 
@@ -66,7 +66,6 @@ def measure(
     *,
     force: float = 20.0,
     links: Links = "different",
-    direction: ForceDirection = "cone",
     seed: int = 1,
     tick: Callable[[], object] = lambda: None,
 ) -> dict[str, Any]:
@@ -79,7 +78,7 @@ def measure(
         contacts: Number of contacts in each.
         scenario: How they start.
         force: Magnitude of each force [N].
-        links, direction: See `Trials.draw`.
+        links: See `Trials.draw`.
         seed: Random seed.
         tick: Called after each trial.
 
@@ -91,13 +90,13 @@ def measure(
     rng = np.random.default_rng(seed + 1)
     errors, seconds = [], []
     for _ in range(trials_count):
-        trial = trials.draw(contacts, force, links, direction)
+        trial = trials.draw(contacts, force, links)
         pushes = list(trial.pushes)
         contacts_found: tuple[Contact, ...] = ()
         duration = 0.0
         for count in range(1, contacts + 1) if arrival == "one_by_one" else (contacts,):
             if arrival == "one_by_one":
-                pushes[: count - 1] = [trials.changed(push, drift, direction) for push in pushes[: count - 1]]
+                pushes[: count - 1] = [trials.changed(push, drift) for push in pushes[: count - 1]]
             base, torque = trial.measure(pushes[:count])
             base = base + rng.standard_normal(6) * np.repeat(noise[:2], 3)
             torque = torque + rng.standard_normal(len(torque)) * noise.torque

@@ -7,7 +7,7 @@ import click
 import numpy as np
 
 from contactsense import Scene
-from contactsense.benchmarks.multi_contact.trials import ForceDirection, Push, Trials
+from contactsense.benchmarks.multi_contact.trials import Push, Trials
 
 
 class MeshTrials(Trials):
@@ -28,12 +28,12 @@ class MeshTrials(Trials):
         except (OSError, ValueError, KeyError) as error:
             raise click.ClickException(f"{path}: cannot read ground truth: {error}") from None
 
-    def _push(self, size: float, direction: ForceDirection) -> Push:
+    def _push(self, size: float) -> Push:
         """One push. Whether a part of the arm covers the place in this posture is not looked at."""
         i = int(self._rng.integers(len(self._link)))
         link = int(self._link[i])
         body = self._constants.sensors.depth[link]
         R, o = self._motion.rotation[body], self._motion.origin[body]
         normal = R @ self._normal[i]
-        force = self._force(normal, size, direction)
+        force = self._force(normal, size)
         return Push(link, R @ self._point[i] + o, normal, force, self._torsion(size))

@@ -9,7 +9,7 @@ import numpy as np
 from contactsense import Estimate, Localizer, Sample
 from contactsense.benchmarks.accuracy.static_cases import Noise
 from contactsense.benchmarks.multi_contact.measure import WITHIN, match
-from contactsense.benchmarks.multi_contact.trials import ForceDirection, Push, Trial, Trials
+from contactsense.benchmarks.multi_contact.trials import Push, Trial, Trials
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.inverse_dynamics import inverse_dynamics
 from contactsense.kinematics.model import build_model, empty_motion
@@ -36,7 +36,6 @@ def measure_stream(
     speed: float,
     *,
     force: float = 20.0,
-    direction: ForceDirection = "cone",
     seed: int = 1,
     tick: Callable[[], object] = lambda: None,
 ) -> dict[str, Any]:
@@ -48,7 +47,6 @@ def measure_stream(
         streams: Number of streams.
         speed: Maximum speed of each joint [rad/s].
         force: Magnitude of each force [N].
-        direction: See `Trials.draw`.
         seed: Random seed.
         tick: Called after each stream.
 
@@ -62,7 +60,7 @@ def measure_stream(
     trials = Trials(localizer.scene, seed)
     errors, delays, false, recovered, seconds = [], [], [], [], []
     for k in range(streams):
-        trial = trials.draw(2, force, "different", direction)
+        trial = trials.draw(2, force, "different")
         worst_errors, false_multiple, after_errors, delay = [], [], [], np.inf
         localizer.reset()
         for sample, points in samples(localizer, trial, noise, speed, seed + k):

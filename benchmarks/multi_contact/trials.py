@@ -13,7 +13,6 @@ from contactsense.robots.surface.convex_primitives import project
 from contactsense.runtime.constants import Constants, build_constants
 
 Links = Literal["different", "same"]
-ForceDirection = Literal["cone", "normal"]
 
 CLEARANCE = 0.005
 """Clearance that a finger needs above a point [m]."""
@@ -75,7 +74,7 @@ class Trials:
         """Names of the links, the base first."""
         return tuple(self._scene.link_names)
 
-    def draw(self, count: int, force: float, links: Links, direction: ForceDirection) -> Trial:
+    def draw(self, count: int, force: float, links: Links) -> Trial:
         """A random posture with `count` pushes of `force` newtons, on points uniform over the surface
         area.
 
@@ -83,31 +82,28 @@ class Trials:
             count: Number of contacts.
             force: Magnitude of each force [N].
             links: Whether all are on different links or all on one.
-            direction: `cone`: directions uniform over the friction disc; `normal`: normal to the surface.
         """
         while True:
             q = self._rng.uniform(-np.pi, np.pi, self._constants.model.joints)
             forward_kinematics(self._constants.model, q, self._motion)
             pushes: list[Push] = []
             for _ in range(MAX_DRAWS):
-                push = self._push(force, direction)
+                push = self._push(force)
                 if push is not None and all(_fits(push, other, links) for other in pushes):
                     pushes.append(push)
                 if len(pushes) == count:
                     return Trial(q, tuple(pushes), self._motion.screw.copy())
 
-    def push_at(
-        self, q: np.ndarray, force: float, direction: ForceDirection
-    ) -> tuple[Push, np.ndarray, np.ndarray]:
+    def push_at(self, q: np.ndarray, force: float) -> tuple[Push, np.ndarray, np.ndarray]:
         """One push at joint positions q [rad], and rotation (3, 3) and origin (3,) [m] of the pushed link."""
         forward_kinematics(self._constants.model, q, self._motion)
         push = None
         while push is None:
-            push = self._push(force, direction)
+            push = self._push(force)
         body = self._constants.sensors.depth[push.link]
         return push, self._motion.rotation[body].copy(), self._motion.origin[body].copy()
 
-    def _push(self, size: float, direction: ForceDirection) -> Push | None:
+    def _push(self, size: float) -> Push | None:
         """One push, or None where the drawn place cannot be touched."""
         arm, chance = self._constants, self._rng
         s = int(chance.choice(len(self._primitive), p=np.exp(arm.samples.log_share)))
@@ -123,12 +119,12 @@ class Trials:
         if (link == 0 and point[2] < CLEARANCE) or not self._free(point + CLEARANCE * normal):
             return None
         torsion = self._torsion(size)
-        return Push(link, point, normal, self._force(normal, size, direction), torsion)
+        return Push(link, point, normal, self._force(normal, size), torsion)
 
     def _torsion(self, size: float) -> float:
         return float(self._scene.torsion * size * self._rng.standard_normal())
 
-    def changed(self, push: Push, drift: float | None, direction: ForceDirection) -> Push:
+    def changed(self, push: Push, drift: float | None) -> Push:
         """The push at a later time.
 
         Its force has changed by about `drift` in each component and is still in the friction cone: others
@@ -136,7 +132,7 @@ class Trials:
         """
         size = float(np.linalg.norm(push.force))
         if drift is None:
-            return replace(push, force=self._force(push.normal, size, direction))
+            return replace(push, force=self._force(push.normal, size))
         while True:  # until it is in the cone, as the push itself is
             force = push.force + drift * self._rng.standard_normal(3)
             normal_force = -float(force @ push.normal)
@@ -144,12 +140,11 @@ class Trials:
             if across <= self._scene.friction * normal_force:
                 return replace(push, force=force)
 
-    def _force(self, normal: np.ndarray, size: float, direction: ForceDirection) -> np.ndarray:
-        force = -normal
-        if direction == "cone":
-            across = np.cross(normal, self._rng.standard_normal(3))
-            ratio = self._scene.friction * np.sqrt(self._rng.random())
-            force = force + ratio * across / np.linalg.norm(across)
+    def _force(self, normal: np.ndarray, size: float) -> np.ndarray:
+        """A force whose direction is uniform over the friction disc."""
+        across = np.cross(normal, self._rng.standard_normal(3))
+        ratio = self._scene.friction * np.sqrt(self._rng.random())
+        force = ratio * across / np.linalg.norm(across) - normal
         return np.asarray(force * (size / np.linalg.norm(force)))
 
     def _free(self, point: np.ndarray) -> bool:

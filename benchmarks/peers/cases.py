@@ -46,8 +46,6 @@ class Score(NamedTuple):
     """Median distance of the estimated point from the true one, infinite for a missing answer [m]."""
     p95: float
     """95 % quantile of the same [m]."""
-    answered: float
-    """Fraction of the samples with an answer."""
     seconds: float
     """Time per answer, `nan` if not measured [s]."""
 
@@ -124,6 +122,5 @@ def score(answers: Answers, points: StaticPoints, seconds: float = np.nan) -> Sc
         link_right=float((answers.link == points.link).mean()),
         median=float(median),
         p95=float(p95),
-        answered=float((answers.link >= 0).mean()),
         seconds=seconds,
     )

@@ -33,8 +33,8 @@ class ExactContact:
         self, q: np.ndarray, base_wrench: np.ndarray | None, joint_torque: np.ndarray | None
     ) -> Answers:
         n = len(q)
-        answers = Answers(np.empty(n, dtype=np.int64), np.zeros((n, 3)), np.zeros((n, 3)))
-        _run(self._stage, self._closed_form, *given(q, base_wrench, joint_torque), *answers[:3])
+        answers = Answers(np.empty(n, dtype=np.int64), np.zeros((n, 3)))
+        _run(self._stage, self._closed_form, *given(q, base_wrench, joint_torque), *answers[:2])
         return answers
 
 
@@ -47,7 +47,6 @@ def _run(
     joint_torque: np.ndarray,
     link: np.ndarray,
     point_base: np.ndarray,
-    force_base: np.ndarray,
 ) -> None:
     motion, surfaces, noise = stage.motion, stage.surfaces, stage.noise
     n = q.shape[1]
@@ -65,7 +64,7 @@ def _run(
             local = in_frame(Wrench(vector(wrench[k]), vector(wrench[k, 3:])), R, origin)
             primitive, point, _, _ = contact_on_link(surfaces, k, local, closed_form)
             if primitive >= 0:
-                link[i], point_base[i], force_base[i] = k, add(origin, rotate(R, point)), wrench[k, :3]
+                link[i], point_base[i] = k, add(origin, rotate(R, point))
                 break
             cost[k] = np.inf
 

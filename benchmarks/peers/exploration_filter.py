@@ -18,7 +18,6 @@ from contactsense.benchmarks.peers.method import Answers
 from contactsense.benchmarks.peers.single import (
     Problem,
     add_contact,
-    force_of,
     new_problem,
     resample,
     solve_contacts,
@@ -57,8 +56,6 @@ class Found(NamedTuple):
     """Index of the link, -1 without such a contact, shape (N, T, K), int64."""
     point_base: np.ndarray
     """Shape (N, T, K, 3) [m]."""
-    force_base: np.ndarray
-    """Shape (N, T, K, 3) [N]."""
 
 
 class ExplorationFilter:
@@ -81,7 +78,7 @@ class ExplorationFilter:
             None if base_wrench is None else base_wrench[:, None],
             None if joint_torque is None else joint_torque[:, None],
         )
-        return Answers(found.link[:, 0, 0], found.point_base[:, 0, 0], found.force_base[:, 0, 0])
+        return Answers(found.link[:, 0, 0], found.point_base[:, 0, 0])
 
     def follow(self, q: np.ndarray, base_wrench: np.ndarray | None, joint_torque: np.ndarray | None) -> Found:
         """Run the filter through T measurements of each of N postures, each started without contacts.
@@ -98,11 +95,7 @@ class ExplorationFilter:
         sets = self._contacts
         base = np.zeros((runs, steps, 6)) if base_wrench is None else base_wrench
         torque = np.zeros((runs, steps, joints)) if joint_torque is None else joint_torque
-        found = Found(
-            np.full((runs, steps, sets), -1),
-            np.zeros((runs, steps, sets, 3)),
-            np.zeros((runs, steps, sets, 3)),
-        )
+        found = Found(np.full((runs, steps, sets), -1), np.zeros((runs, steps, sets, 3)))
         q, base, torque = (np.ascontiguousarray(array, dtype=np.float64) for array in (q, base, torque))
         rng = np.random.default_rng(self._seed)
         _run(rng, self._stage, self._places, q, base, torque, self._rounds, found)
@@ -196,12 +189,10 @@ def _run(
                         count += 1
                 sharpness = FLAT ** (1.0 - turn / rounds)
                 _turn(rng, stage, places, problem, square, sets, count, sharpness, pool)
-            _forces(stage, problem, square, sets, count)
             for c in range(count):
                 found.link[i, t, c] = sets.best_on[c]
                 x, y, z = sets.best_at[c]
                 found.point_base[i, t, c] = to_base(stage.motion, sets.best_on[c], x, y, z)
-                force_of(problem, c, found.force_base[i, t, c])
 
 
 @allocating_kernel

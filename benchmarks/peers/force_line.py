@@ -43,7 +43,7 @@ class ForceLine:
         if base_wrench is None or joint_torque is None:
             raise ValueError("base_wrench, joint_torque: expected both sensors")
         n = len(q)
-        answers = Answers(np.empty(n, dtype=np.int64), np.empty((n, 3)), base_wrench[:, :3].copy())
+        answers = Answers(np.empty(n, dtype=np.int64), np.empty((n, 3)))
         measured = given(q, base_wrench, joint_torque)
         _run(self._stage, self._threshold, *measured, answers.link, answers.point_base)
         return answers

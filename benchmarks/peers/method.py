@@ -15,10 +15,6 @@ class Answers(NamedTuple):
     """Index of the touched link, base 0, -1 for no estimate, shape (N,), int64."""
     point_base: np.ndarray
     """Contact point, base frame, shape (N, 3) [m]."""
-    force_base: np.ndarray
-    """Force on the robot, shape (N, 3) [N]."""
-    probability: np.ndarray | None = None
-    """Probability of each estimate, shape (N,); None if the method has none."""
     link_probability: np.ndarray | None = None
     """Probability of each link, shape (N, links); None if the method has none."""
 
@@ -56,6 +52,4 @@ class Located:
         self, q: np.ndarray, base_wrench: np.ndarray | None, joint_torque: np.ndarray | None
     ) -> Answers:
         batch = self._localizer.locate_batch(q, base_wrench=base_wrench, joint_torque=joint_torque, jobs=1)
-        return Answers(
-            batch.link, batch.point_base, batch.force_base, batch.probability, batch.link_probability
-        )
+        return Answers(batch.link, batch.point_base, batch.link_probability)

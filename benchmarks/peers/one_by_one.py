@@ -43,7 +43,7 @@ class OneByOne:
         """
         runs, steps = base_wrench.shape[:2]
         shape = (runs, steps, self._contacts)
-        found = Found(np.full(shape, -1), np.zeros((*shape, 3)), np.zeros((*shape, 3)))
+        found = Found(np.full(shape, -1), np.zeros((*shape, 3)))
         seconds = np.zeros((runs, steps))
         for i in range(runs):
             known: tuple[Contact, ...] = ()
@@ -64,5 +64,4 @@ class OneByOne:
                 for k, contact in enumerate(known):
                     found.link[i, t, k] = contact.link_index
                     found.point_base[i, t, k] = contact.point_base
-                    found.force_base[i, t, k] = contact.force_base
         return TrackedAnswers(found, np.median(seconds, axis=0))

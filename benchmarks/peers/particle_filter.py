@@ -11,7 +11,6 @@ from contactsense import Scene
 from contactsense.benchmarks.peers.method import Answers
 from contactsense.benchmarks.peers.single import (
     add_contact,
-    force_of,
     new_problem,
     resample,
     solve_contacts,
@@ -51,10 +50,10 @@ class ParticleFilter:
         self, q: np.ndarray, base_wrench: np.ndarray | None, joint_torque: np.ndarray | None
     ) -> Answers:
         n = len(q)
-        answers = Answers(np.empty(n, dtype=np.int64), np.empty((n, 3)), np.empty((n, 3)))
+        answers = Answers(np.empty(n, dtype=np.int64), np.empty((n, 3)))
         _run(
             np.random.default_rng(self._seed), self._stage, self._table,
-            *given(q, base_wrench, joint_torque), *answers[:3],
+            *given(q, base_wrench, joint_torque), *answers[:2],
         )  # fmt: skip
         return answers
 
@@ -69,7 +68,6 @@ def _run(
     joint_torque: np.ndarray,
     link: np.ndarray,
     point_base: np.ndarray,
-    force_base: np.ndarray,
 ) -> None:
     m = q.shape[1] + 6
     motion, problem = stage.motion, new_problem(1, m)
@@ -98,7 +96,6 @@ def _run(
                     if turn == ROUNDS - 1:
                         link[i] = new_on[k]
                         point_base[i] = to_base(motion, new_on[k], new_at[k, 0], new_at[k, 1], new_at[k, 2])
-                        force_of(problem, 0, force_base[i])
             resample(rng, cost, chosen)
             for k in range(PARTICLES):
                 on[k], at[k], out[k] = new_on[chosen[k]], new_at[chosen[k]], new_out[chosen[k]]

@@ -74,16 +74,6 @@ def solve_contacts(problem: Problem, square: float, count: int) -> float:
     return solve(problem.G, problem.h, square, EDGES * count, problem.x, problem.L, problem.s, problem.order)
 
 
-@kernel
-def force_of(problem: Problem, number: int, out: np.ndarray) -> None:
-    """Force of contact `number` from the weights of its four edge forces; fills `out` (3,)."""
-    for i in range(3):
-        total = 0.0
-        for k in range(EDGES):
-            total += problem.x[EDGES * number + k] * problem.directions[number, k, i]
-        out[i] = total
-
-
 @allocating_kernel
 def resample(rng: np.random.Generator, cost: np.ndarray, chosen: np.ndarray) -> None:
     """Systematic resampling: fills `chosen` (K,) with particle indices, each in proportion to its weight.

@@ -96,10 +96,6 @@ class Toucher:
         parts = [self._posture(share.copy(), contacts, force) for _ in range(count)]
         return Touches(*(np.array(column) for column in zip(*parts, strict=True)))
 
-    def postures(self, count: int) -> np.ndarray:
-        """Postures free of collision, shape (count, n) [rad]."""
-        return np.array([self._free() for _ in range(count)])
-
     def beside(self, q: np.ndarray, taken: int, contacts: int, force: float) -> Touches:
         """Further contacts in a posture with an existing contact, as `draw` with `even`; N is 1.
 

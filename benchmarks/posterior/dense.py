@@ -1,7 +1,6 @@
 """The dense posterior as a reference method."""
 
 import math
-from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -12,18 +11,15 @@ from contactsense.benchmarks.posterior.evidence import Prior
 from contactsense.benchmarks.posterior.patch_posterior import (
     LinkMeasurement,
     Probes,
-    densest_patch,
     empty_measurement,
     evaluate_patches,
     mean_near,
-    mean_on_patch,
     median_patch,
     most_probable_patch,
     normalize,
-    probability_near,
     wrench_in_link_frame,
 )
-from contactsense.benchmarks.posterior.samples import SPACING, Samples, of_meshes, of_primitives
+from contactsense.benchmarks.posterior.samples import Samples
 from contactsense.isolation.link_hypotheses import (
     Hypotheses,
     SensorRows,
@@ -38,12 +34,9 @@ from contactsense.runtime.constants import Constants, build_constants
 MIN_FORCE, MAX_FORCE = 1.0, 300.0
 """Range of the normal force [N]; its logarithm is uniform."""
 Geometry = Literal["primitives", "meshes"]
-Rule = Literal["map", "link", "gathered", "mean", "middle"]
-"""Point estimate: `map`: the patch with the highest density of all; `link`: that of the most probable
-link; `gathered`: on that link, the peak with the most probability within 20 mm; `mean`: the mean point of
-that probability; `middle`: the mean point near the patch of that link with the lowest expected distance
-to the contact."""
-_RULES = ("map", "link", "gathered", "mean", "middle")
+Rule = Literal["middle", "mean"]
+"""Point estimate on the most probable link: `mean`: the mean point of the peak with the most probability
+within 20 mm; `middle`: the mean point near the patch with the lowest expected distance to the contact."""
 _PROBES = 400
 """Number of patches that represent the posterior when distances to all of it are needed."""
 
@@ -54,8 +47,7 @@ def prior_of(scene: Scene, offset: float) -> Prior:
     return Prior(
         low=MIN_FORCE,
         high=MAX_FORCE,
-        friction_ratio=np.array([scene.friction / 2.0]),
-        log_share=np.zeros(1),
+        friction_ratio=scene.friction / 2.0,
         torsion_lever=scene.torsion,
         surface_deviation=offset,
     )
@@ -105,38 +97,24 @@ class Dense:
     def __init__(
         self,
         scene: Scene,
-        geometry: Geometry = "meshes",
-        meshes: Path | None = None,
+        geometry: Geometry,
+        samples: Samples,
         rule: Rule = "middle",
-        prior: Prior | None = None,
-        samples: Samples | None = None,
-        spacing: float = SPACING,
     ) -> None:
-        """Sample the surfaces.
+        """Take the surfaces.
 
         Args:
             scene: Arm, sensors, noise.
-            geometry: Surface to sample: the estimator's primitives or the meshes of the links.
-            meshes: For meshes: folder with LINK.ply.
+            geometry: Surface of the samples: the estimator's primitives or the meshes of the links.
+            samples: Of the same arm and level of detail.
             rule: Point estimate.
-            prior: By default `prior_of`, with the scene's surface error for primitives and none for
-                meshes.
-            samples: Precomputed, for the same arm, level of detail and geometry.
-            spacing: Edge of a patch [m].
         """
-        if samples is None:
-            if geometry == "meshes" and meshes is None:
-                raise ValueError("meshes: expected a folder of meshes, got none")
-            samples = (
-                of_meshes(scene, meshes, spacing)
-                if geometry == "meshes" and meshes is not None
-                else of_primitives(scene, spacing)
-            )
         self.name = f"dense posterior, {geometry}"
         self.scene = scene
         self.samples = samples
-        self.prior = prior or prior_of(scene, scene.surface_deviation if geometry == "primitives" else 0.0)
-        self._rule = _RULES.index(rule)
+        # The meshes are exact.
+        self.prior = prior_of(scene, scene.surface_deviation if geometry == "primitives" else 0.0)
+        self._middle = rule == "middle"
         self._constants = build_constants(scene)
         joints, links = self._constants.model.joints, len(self._constants.touchable)
         self._buffers = Buffers(
@@ -152,52 +130,22 @@ class Dense:
     def __call__(
         self, q: np.ndarray, base_wrench: np.ndarray | None, joint_torque: np.ndarray | None
     ) -> Answers:
-        """See `contactsense.benchmarks.peers.method.Method`; the probability is that within 20 mm."""
+        """See `contactsense.benchmarks.peers.method.Method`."""
         n, links = len(q), len(self._constants.touchable)
-        link = np.zeros(n, dtype=np.int64)
-        point, force = np.zeros((n, 3)), np.zeros((n, 3))
-        probability, link_probability = np.zeros(n), np.zeros((n, links))
+        link, point, link_probability = np.zeros(n, dtype=np.int64), np.zeros((n, 3)), np.zeros((n, links))
         for i in range(n):
-            link[i], probability[i] = self._estimate(
+            link[i] = self._estimate(
                 q[i],
                 None if base_wrench is None else base_wrench[i],
                 None if joint_torque is None else joint_torque[i],
-                self._rule,
                 point[i],
-                force[i],
             )
             link_probability[i] = self._posterior.link_probability
-        return Answers(link, point, force, probability, link_probability)
-
-    def posterior(
-        self, q: np.ndarray, base_wrench: np.ndarray | None, joint_torque: np.ndarray | None
-    ) -> Posterior:
-        """Posterior of one measurement; arguments as of `__call__`, without the leading axis."""
-        self._estimate(q, base_wrench, joint_torque, 0, np.zeros(3), np.zeros(3))
-        return Posterior(*(array.copy() for array in self._posterior))
-
-    def level(self, posterior: Posterior, link: int, q: np.ndarray, point_base: np.ndarray) -> float:
-        """Probability of all patches with a higher density than a point on a link.
-
-        The density of the point is the highest of the five nearest patches, because at an edge the
-        nearest patch may belong to another face.
-        """
-        motion = self._buffers.motion
-        forward_kinematics(self._constants.model, q, motion)
-        local = (point_base - motion.origin[link]) @ motion.rotation[link]
-        own = slice(self.samples.start[link], self.samples.start[link + 1])
-        nearest = np.argsort(((self.samples.point[own] - local) ** 2).sum(axis=1))[:5]
-        return float(posterior.weight[posterior.density > posterior.density[own][nearest].max()].sum())
+        return Answers(link, point, link_probability)
 
     def _estimate(
-        self,
-        q: np.ndarray,
-        wrench: np.ndarray | None,
-        torque: np.ndarray | None,
-        rule: int,
-        point: np.ndarray,
-        force: np.ndarray,
-    ) -> tuple[int, float]:
+        self, q: np.ndarray, wrench: np.ndarray | None, torque: np.ndarray | None, point: np.ndarray
+    ) -> int:
         measured = Measurement(
             np.ascontiguousarray(q),
             np.zeros(6) if wrench is None else wrench,
@@ -205,11 +153,11 @@ class Dense:
             np.zeros(len(q)) if torque is None else -torque,
             torque is not None,
         )
-        estimate: tuple[int, float] = _estimate_kernel(
-            self._constants, self.samples, self.prior, measured, rule, self._buffers, self._posterior, point,
-            force,
+        link: int = _estimate_kernel(
+            self._constants, self.samples, self.prior, measured, self._middle, self._buffers,
+            self._posterior, point,
         )  # fmt: skip
-        return estimate
+        return link
 
 
 @allocating_fused_kernel
@@ -218,17 +166,12 @@ def _estimate_kernel(
     samples: Samples,
     prior: Prior,
     measured: Measurement,
-    rule: int,
+    middle: bool,
     buffers: Buffers,
     posterior: Posterior,
     point: np.ndarray,
-    force: np.ndarray,
-) -> tuple[int, float]:
-    """Evaluate one measurement: fills the posterior, point and force.
-
-    Returns:
-        Index of the link, -1 for none, and the probability near its point.
-    """
+) -> int:
+    """Evaluate one measurement: fills posterior and point; returns the index of the link, -1 for none."""
     motion, hypotheses, rows, local, probes = buffers
     q, wrench, has_base, torque, has_torque = measured
     density, weight, normal_force, link_probability = posterior
@@ -251,33 +194,16 @@ def _estimate_kernel(
         if link_probability[k] > link_probability[link]:
             link = k
     first, last = samples.start[link], samples.start[link + 1]
-    if rule == 0:
-        first, last = 0, density.shape[0]
-    if rule == 4:
+    if middle:
         patch = median_patch(samples, weight, first, last, motion, probes)
-    elif rule >= 2:
-        patch = most_probable_patch(samples, density, weight, first, last)
     else:
-        patch = densest_patch(density, first, last)
+        patch = most_probable_patch(samples, density, weight, first, last)
     if patch < 0:
-        return -1, 0.0
-    if rule == 0:
-        link = 0
-        while samples.start[link + 1] <= patch:
-            link += 1
-        first, last = samples.start[link], samples.start[link + 1]
+        return -1
     R, o = motion.rotation[link], motion.origin[link]
     wrench_in_link_frame(hypotheses.wrench[link], hypotheses.information[link], R, o, local)
     place = np.empty(3)
-    if rule >= 3:
-        mean_near(samples, weight, normal_force, first, last, patch, has_base, prior, local, place)
-    else:
-        mean_on_patch(samples, patch, normal_force[patch], has_base, prior, local, place)
-    n = samples.normal[patch]
+    mean_near(samples, weight, normal_force, first, last, patch, has_base, prior, local, place)
     for i in range(3):
         point[i] = o[i] + R[i, 0] * place[0] + R[i, 1] * place[1] + R[i, 2] * place[2]
-        outward = R[i, 0] * n[0] + R[i, 1] * n[1] + R[i, 2] * n[2]
-        force[i] = hypotheses.wrench[link, i] if has_base else -normal_force[patch] * outward
-    if not math.isfinite(point[0]):
-        return -1, 0.0
-    return link, probability_near(samples, weight, first, last, patch)
+    return link if math.isfinite(point[0]) else -1

@@ -38,10 +38,8 @@ class Prior(NamedTuple):
     """Minimum normal force [N]."""
     high: float
     """Maximum normal force [N]."""
-    friction_ratio: np.ndarray
-    """Alternative standard deviations of tangential over normal force, shape (K,)."""
-    log_share: np.ndarray
-    """Log probability of each alternative, shape (K,)."""
+    friction_ratio: float
+    """Standard deviation of tangential over normal force."""
     torsion_lever: float
     """Standard deviation of torsion over normal force [m]."""
     surface_deviation: float
@@ -93,59 +91,22 @@ def gram(
     )
     for k in range(8):
         q = columns[k]
-        v0 = (
-            L[0, 0] * q[0]
-            + L[0, 1] * q[1]
-            + L[0, 2] * q[2]
-            + L[0, 3] * q[3]
-            + L[0, 4] * q[4]
-            + L[0, 5] * q[5]
-        )
-        v1 = (
-            L[1, 0] * q[0]
-            + L[1, 1] * q[1]
-            + L[1, 2] * q[2]
-            + L[1, 3] * q[3]
-            + L[1, 4] * q[4]
-            + L[1, 5] * q[5]
-        )
-        v2 = (
-            L[2, 0] * q[0]
-            + L[2, 1] * q[1]
-            + L[2, 2] * q[2]
-            + L[2, 3] * q[3]
-            + L[2, 4] * q[4]
-            + L[2, 5] * q[5]
-        )
-        v3 = (
-            L[3, 0] * q[0]
-            + L[3, 1] * q[1]
-            + L[3, 2] * q[2]
-            + L[3, 3] * q[3]
-            + L[3, 4] * q[4]
-            + L[3, 5] * q[5]
-        )
-        v4 = (
-            L[4, 0] * q[0]
-            + L[4, 1] * q[1]
-            + L[4, 2] * q[2]
-            + L[4, 3] * q[3]
-            + L[4, 4] * q[4]
-            + L[4, 5] * q[5]
-        )
-        v5 = (
-            L[5, 0] * q[0]
-            + L[5, 1] * q[1]
-            + L[5, 2] * q[2]
-            + L[5, 3] * q[3]
-            + L[5, 4] * q[4]
-            + L[5, 5] * q[5]
-        )
+        v0, v1, v2 = _row(L, 0, q), _row(L, 1, q), _row(L, 2, q)
+        v3, v4, v5 = _row(L, 3, q), _row(L, 4, q), _row(L, 5, q)
         for i in range(k + 1):
             p = columns[i]
             out[k, i] = v0 * p[0] + v1 * p[1] + v2 * p[2] + v3 * p[3] + v4 * p[4] + v5 * p[5]
             out[i, k] = out[k, i]
     return t1[0], t1[1], t1[2], t2[0], t2[1], t2[2]
+
+
+@fused_kernel
+def _row(L: np.ndarray, i: int, q: _Six) -> float:
+    """Row i of the matrix times the vector."""
+    total: float = (
+        L[i, 0] * q[0] + L[i, 1] * q[1] + L[i, 2] * q[2] + L[i, 3] * q[3] + L[i, 4] * q[4] + L[i, 5] * q[5]
+    )
+    return total
 
 
 @fused_kernel
@@ -221,41 +182,36 @@ def over_force(M: np.ndarray, prior: Prior, initial_force: float, threshold: flo
         initial_force: Initial normal force [N].
         threshold: Patches below this log evidence are skipped and get -inf.
     """
-    total = -math.inf
-    best, best_F = -math.inf, initial_force
-    log_range = math.log(prior.high / prior.low)
-    for k in range(prior.friction_ratio.shape[0]):
-        friction_ratio, log_weight = prior.friction_ratio[k], prior.log_share[k]
-        F = initial_force
+    friction_ratio, F = prior.friction_ratio, initial_force
+    value, slope, curvature = at_force(M, F, friction_ratio, prior.torsion_lever)
+    for _ in range(_ROUNDS):
+        G = min(max(-slope / curvature, prior.low), prior.high) if curvature > 0.0 else prior.high
+        converged = (G - F) ** 2 * curvature < 0.1
+        F = G
         value, slope, curvature = at_force(M, F, friction_ratio, prior.torsion_lever)
-        for _ in range(_ROUNDS):
-            G = min(max(-slope / curvature, prior.low), prior.high) if curvature > 0.0 else prior.high
-            converged = (G - F) ** 2 * curvature < 0.1
-            F = G
-            value, slope, curvature = at_force(M, F, friction_ratio, prior.torsion_lever)
-            if converged:
-                break
-        if value + log_weight < threshold:
-            continue
-        if value + log_weight > best:
-            best, best_F = value + log_weight, F
-        deviation = 1.0 / (F * math.sqrt(curvature)) if curvature > 0.0 else math.inf
-        inside = F * math.exp(4.0 * deviation) < prior.high and F * math.exp(-4.0 * deviation) > prior.low
-        if deviation < NARROW_FORCE and inside:
-            integral = _sum(M, prior, friction_ratio, math.log(F) - 4.0 * deviation, deviation, 9)
-        else:
-            step = log_range / NODES
-            integral = _sum(M, prior, friction_ratio, math.log(prior.low) + 0.5 * step, step, NODES)
-        total = _add(total, integral + log_weight)
-    return total - math.log(log_range), best_F
+        if converged:
+            break
+    if value < threshold:
+        return -math.inf, initial_force
+    log_range = math.log(prior.high / prior.low)
+    deviation = 1.0 / (F * math.sqrt(curvature)) if curvature > 0.0 else math.inf
+    inside = F * math.exp(4.0 * deviation) < prior.high and F * math.exp(-4.0 * deviation) > prior.low
+    if deviation < NARROW_FORCE and inside:
+        integral = _sum(M, prior, math.log(F) - 4.0 * deviation, deviation, 9)
+    else:
+        step = log_range / NODES
+        integral = _sum(M, prior, math.log(prior.low) + 0.5 * step, step, NODES)
+    return integral - math.log(log_range), F
 
 
 @fused_kernel
-def _sum(M: np.ndarray, prior: Prior, friction_ratio: float, first: float, step: float, count: int) -> float:
+def _sum(M: np.ndarray, prior: Prior, first: float, step: float, count: int) -> float:
     """Log of the integral over log F by equal steps."""
     total = -math.inf
     for i in range(count):
-        total = _add(total, at_force(M, math.exp(first + i * step), friction_ratio, prior.torsion_lever)[0])
+        total = _add(
+            total, at_force(M, math.exp(first + i * step), prior.friction_ratio, prior.torsion_lever)[0]
+        )
     return total + math.log(step)
 
 

@@ -190,16 +190,6 @@ def normalize(
 
 
 @fused_kernel
-def densest_patch(density: np.ndarray, first: int, last: int) -> int:
-    """Patch with the highest density in a range; -1 if none has any."""
-    best = -1
-    for s in range(first, last):
-        if density[s] > -math.inf and (best < 0 or density[s] > density[best]):
-            best = s
-    return best
-
-
-@fused_kernel
 def probability_near(samples: Samples, weight: np.ndarray, first: int, last: int, patch: int) -> float:
     """Probability of the patches within `RADIUS` of one."""
     total = 0.0
@@ -259,7 +249,6 @@ def mean_on_patch(
     for i in range(3):
         guess[i] = local.wrench[i] if wrench_measured else -F * n[i]
     t = gram(local.information, local.wrench, c, n, guess, samples.spread[s], prior.surface_deviation, M)
-    friction_ratio = prior.friction_ratio[0]
     for i in range(6):
         for k in range(6):
             H[i, k] = M[i, k]
@@ -267,7 +256,7 @@ def mean_on_patch(
         if i < 3:
             H[i, i] += 1.0
         elif i < 5:
-            H[i, i] += 1.0 / (friction_ratio * F) ** 2
+            H[i, i] += 1.0 / (prior.friction_ratio * F) ** 2
         else:
             H[i, i] += 1.0 / (prior.torsion_lever * F) ** 2
     solved = ldl_solve(H, g)[0] < math.inf

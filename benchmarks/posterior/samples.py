@@ -58,7 +58,7 @@ def of_primitives(scene: Scene, spacing: float = SPACING, seed: int = 0) -> Samp
     )
 
 
-def of_meshes(scene: Scene, folder: Path, spacing: float = SPACING, seed: int = 0) -> Samples:
+def of_meshes(scene: Scene, folder: Path) -> Samples:
     """Outer skin of each link's mesh, see `contactsense.robots.decomposition.outer_skin`.
 
     Neighbouring links are represented by their primitives.
@@ -66,16 +66,14 @@ def of_meshes(scene: Scene, folder: Path, spacing: float = SPACING, seed: int = 
     Args:
         scene: Of an arm without tool.
         folder: Meshes, LINK.ply.
-        spacing: Edge of a patch [m].
-        seed: Seed of the random points.
     """
     robot, meshes = read_arm(scene.robot.name, folder)
     parts = []
     for link in robot.link_names:
         mesh = meshes[link]
-        skin = outer_skin(mesh, count=int(MESH_DENSITY * mesh.area / spacing**2), seed=seed)
+        skin = outer_skin(mesh, count=int(MESH_DENSITY * mesh.area / SPACING**2), seed=0)
         parts.append((skin.points, skin.normals, skin.area / len(skin.points)))
-    return _assemble(scene.robot, build_constants(scene).surfaces, parts, spacing)
+    return _assemble(scene.robot, build_constants(scene).surfaces, parts, SPACING)
 
 
 def _union_points(

@@ -92,7 +92,7 @@ def compare(case: Case, skins: Skins, rule: Rule = "middle") -> Row:
     p95: dict[Geometry, Ratio] = {}
     ours = errors(found, case.points)
     for geometry, samples in skins.samples.items():
-        answers, time = answer(Dense(case.scene, geometry, rule=rule, samples=samples), case)
+        answers, time = answer(Dense(case.scene, geometry, samples, rule), case)
         dense[geometry] = score(answers, case.points, time)
         best = errors(answers, case.points)
         median[geometry], p95[geometry] = ratio(ours, best, 0.5), ratio(ours, best, 0.95)

@@ -37,10 +37,6 @@ class Case:
     status: Status = Status.OK
     centroid: tuple[float, float, float] | None = None
     """Where the contact was constructed, for surfaces without a reference formula."""
-    normal: tuple[float, float, float] | None = None
-    """Outward normal of that contact."""
-    torsion: float = 0.0
-    """Torsion of that contact."""
     same: Surface | None = None
     """The same body with a reference, for a surface without one."""
     decided_by_rounding: bool = False
@@ -71,8 +67,6 @@ def _contact(
         f,
         _vector(moment),
         centroid=c,
-        normal=n,
-        torsion=xi,
         decided_by_rounding=cosine < _ROOT,
     )
 

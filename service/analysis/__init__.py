@@ -1,4 +1,12 @@
-"""Analysing recordings: contacts, residuals, reports, fleets."""
+"""Analysing recordings: contacts, residuals, reports, fleets.
+
+`analysis` runs a recording through the localizer and keeps the samples of each contact (`contact_history`).
+After its end, `smoothing` estimates it from all of its samples: means over windows (`contact_windows`,
+`link_windows`), then the most probable path on each link (`place_search`); without a base sensor
+`torque_smoothing`. `summarize` makes the `contact_summary`, which `contact_table`, `contact_arrows` and
+`report` write. `residual_statistics`, `friction_residuals` and `health` judge the model. `fleet` does all
+this for many recordings.
+"""
 
 from typing import TYPE_CHECKING
 

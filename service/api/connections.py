@@ -1,8 +1,12 @@
 """uvicorn's protocols with limits: number of connections, duration and size of a request's head, and time for
-which a client may read nothing."""
+which a client may read nothing.
+
+If there are too many connections, the one gives way that has been without a request for longest: half-sent
+heads and idle connections lock nobody out.
+"""
 
 import asyncio
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
@@ -24,11 +28,13 @@ class ConnectionLimits:
     refused: int = 0
     """Connections refused because there were too many."""
     late: int = 0
-    """Connections closed because the head was too slow or too large."""
+    """Connections closed because the head was too slow or too large, or gave way to another connection."""
     dropped: int = 0
     """Connections closed because the client read nothing."""
     opened: int = 0
     """Number of open connections."""
+    waiting: "dict[LimitedHttp, None]" = field(default_factory=dict)
+    """Connections without a complete head, the longest without one first."""
 
 
 class _Guard:
@@ -63,18 +69,22 @@ class LimitedHttp(_Guard, HttpToolsProtocol):
         self._answered = False
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Refuse the connection if there are too many."""
+        """If there are too many connections, one without a request gives way, or this one is refused."""
         super().connection_made(transport)
         self.limits.opened = len(self.connections)
         if self.limits.opened > self.limits.connections:
-            self.limits.refused += 1
-            self._answer(b"503 Service Unavailable", b"too many connections")
-            return
+            if not self.limits.waiting:
+                self.limits.refused += 1
+                self._answer(b"503 Service Unavailable", b"too many connections")
+                return
+            next(iter(self.limits.waiting))._give_way()
+        self.limits.waiting[self] = None
         self._expect_head()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Cancel the timers."""
         self._head_has_come()
+        self.limits.waiting.pop(self, None)
         self._resume()
         super().connection_lost(exc)
         self.limits.opened = len(self.connections)
@@ -95,6 +105,7 @@ class LimitedHttp(_Guard, HttpToolsProtocol):
     def on_headers_complete(self) -> None:
         """The head is complete: stop its timer."""
         self._head_has_come()
+        self.limits.waiting.pop(self, None)
         self._in_body = True
         super().on_headers_complete()
 
@@ -102,6 +113,13 @@ class LimitedHttp(_Guard, HttpToolsProtocol):
         """The body is complete: the next bytes are the head of another request."""
         self._in_body = False
         super().on_message_complete()
+
+    def on_response_complete(self) -> None:
+        """The response is sent: unless there is another request, the connection is idle."""
+        idle = not (self.pipeline or self._in_body or self.transport.is_closing())
+        super().on_response_complete()
+        if idle:
+            self.limits.waiting[self] = None
 
     def pause_writing(self) -> None:
         """The client reads nothing."""
@@ -121,6 +139,12 @@ class LimitedHttp(_Guard, HttpToolsProtocol):
         if self._head is not None:
             self._head.cancel()
             self._head = None
+
+    def _give_way(self) -> None:
+        self.limits.late += 1
+        self.limits.waiting.pop(self)
+        # At once: closing after an answer would keep the connection for a while.
+        self.transport.abort()
 
     def _late(self) -> None:
         self.limits.late += 1

@@ -278,7 +278,11 @@ class ClientHealth(BaseModel):
 
     connections: int = Field(0, description="Open connections, WebSockets included.")
     refused: int = Field(0, description="Connections refused because there were too many.")
-    late: int = Field(0, description="Connections closed because a request's head was too slow or too large.")
+    late: int = Field(
+        0,
+        description="Connections closed because a request's head was too slow or too large, or gave way to "
+        "another connection.",
+    )
     dropped: int = Field(
         0, description="Connections closed because nothing was taken from them for too long."
     )

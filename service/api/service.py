@@ -149,7 +149,11 @@ class Service:
 
     def _troubles(self) -> list[str]:
         """Problems outside the pipeline: current estimates alone do not make the service healthy."""
-        found = [f"action {n} does not work: {a.error}" for n, a in self.reactions.actions.items() if a.error]
+        found = [
+            f"action {name} failed at its latest attempt: {action.error}"
+            for name, action in self.reactions.actions.items()
+            if action.error
+        ]
         if self.clips.recording.error:
             found.append(f"the recording ended: {self.clips.recording.error}")
         if self.journal.error:

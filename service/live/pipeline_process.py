@@ -17,7 +17,7 @@ import traceback
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from datetime import UTC, datetime
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 from contactsense import Estimate, Localizer, Sample, Scene
 from contactsense.localizer import kernels_of
@@ -48,6 +48,8 @@ _TICK = 0.01
 """Longest wait for samples before listeners and commands have their turn [s]."""
 _MAX_COMMAND = 1 << 20
 """Largest command of the service [bytes]."""
+
+_L = TypeVar("_L")
 
 ListenerFactory = Callable[[Scene], Listener]
 """Creates a listener; called in the pipeline's process, so it must be picklable."""
@@ -152,46 +154,34 @@ class Listeners:
 
     def receive(self, sample: Sample, estimate: Estimate) -> None:
         """Pass a sample and its estimate to all listeners."""
-        for listener in self._listeners:
-            try:
-                listener.receive(sample, estimate)
-            except Exception as error:
-                self._note(listener, error)
+        self._each(self._listeners, lambda listener: listener.receive(sample, estimate))
         self._send_reports(estimate.t)
 
     def tick(self, now: float) -> None:
         """Let all listeners do what is due at this time of the host's monotonic clock [s]."""
-        for listener in self._listeners:
-            try:
-                listener.tick(now)
-            except Exception as error:
-                self._note(listener, error)
+        self._each(self._listeners, lambda listener: listener.tick(now))
         self._send_reports(now)
 
     def command(self, message: dict[str, Any]) -> None:
         """Pass a command of the service to all listeners."""
-        for reporter in self._reporters:
-            try:
-                reporter.command(message)
-            except Exception as error:
-                self._note(reporter, error)
+        self._each(self._reporters, lambda reporter: reporter.command(message))
 
     def close(self) -> None:
         """Close all listeners."""
-        for listener in self._listeners:
+        self._each(self._listeners, lambda listener: listener.close())
+
+    def _each(self, listeners: Sequence[_L], call: Callable[[_L], None]) -> None:
+        for listener in listeners:
             try:
-                listener.close()
+                call(listener)
             except Exception as error:
-                self._note(listener, error)
+                self.errors += 1
+                self.last_error = f"{type(listener).__name__}: {type(error).__name__}: {error}"
 
     def _send_reports(self, t: float) -> None:
         for reporter in self._reporters:
             for report in reporter.take_reports():
                 self._outbox.post(REPORT, t, json.dumps(report).encode())
-
-    def _note(self, listener: object, error: Exception) -> None:
-        self.errors += 1
-        self.last_error = f"{type(listener).__name__}: {type(error).__name__}: {error}"
 
 
 def work(

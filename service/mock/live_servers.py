@@ -40,7 +40,6 @@ class LiveServers:
         robot: The simulated robot.
         settings: Where to listen; `loop` is the robot's.
         ports: Further interfaces.
-        clock: Simulated time; by default it starts now.
 
     Raises:
         OSError: A port is in use.
@@ -51,7 +50,6 @@ class LiveServers:
         robot: RobotController,
         settings: MockSettings | None = None,
         ports: InterfacePorts | None = None,
-        clock: SimClock | None = None,
     ) -> None:
         chosen, further = settings or MockSettings(), ports or InterfacePorts()
         self.robot = robot
@@ -63,7 +61,7 @@ class LiveServers:
         self.interfaces: dict[str, ClientInterface] = {}
         self._stack = ExitStack()
         with ExitStack() as opened:
-            self.clock = clock or SimClock()
+            self.clock = SimClock()
             self.rtde = opened.enter_context(
                 RtdeServer(
                     self.controller,

@@ -1,1 +1,7 @@
-"""Reactions: rules that turn estimates into actions on the robot. Not a safety function."""
+"""Reactions: rules that turn estimates into actions on the robot. Not a safety function.
+
+In the pipeline's process, `listener` gives each estimate to the `engine`, which evaluates the `rules` and
+returns a `decision`; `rtde_inputs` writes registers at once. Slow actions go through `executor_client` to the
+`executor`, a process of its own. In the service, `state` shows what the listener reports, `latch_store` keeps
+latched collisions, and `webhook_delivery` sends webhooks. `actions` has one file for each kind of action.
+"""

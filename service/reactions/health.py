@@ -22,7 +22,7 @@ class ReactionsHealth(BaseModel):
     """State of all actions and rules."""
 
     status: Literal["off", "ok", "failing"] = Field(
-        "off", description="off: no rules; failing: an action does not work, see actions."
+        "off", description="off: no rules; failing: the latest attempt of an action failed, see actions."
     )
     latched: int = Field(0, description="Collisions that have not been acknowledged.")
     actions: dict[str, ActionHealth] = {}

@@ -18,9 +18,7 @@ from contactsense.service.recordings.metadata import metadata
 from contactsense.service.recordings.problems import RecordingError
 from contactsense.service.recordings.recording import Recording
 from contactsense.service.recordings.ros_messages import (
-    JOINT_STATE,
-    SCENE_UPDATE,
-    WRENCH_STAMPED,
+    definitions,
     joint_state,
     scene_update,
     wrench_stamped,
@@ -112,15 +110,15 @@ def _mcap(
 ) -> None:
     try:
         from mcap_ros2.writer import Writer
+
+        defined = definitions()
     except ImportError as error:
         raise RecordingError(
             f"{path}: writing MCAP needs extra packages: pip install contactsense[mcap] ({error.name})"
         ) from None
     with path.open("wb") as file:
         writer: Any = Writer(file)
-        joints = writer.register_msgdef("sensor_msgs/msg/JointState", JOINT_STATE)
-        wrenches = writer.register_msgdef("geometry_msgs/msg/WrenchStamped", WRENCH_STAMPED)
-        scenes = writer.register_msgdef("foxglove_msgs/msg/SceneUpdate", SCENE_UPDATE)
+        joints, wrenches, scenes = (writer.register_msgdef(kind, text) for kind, text in defined.items())
         names = [f"joint_{i}" for i in range(recording.q.shape[1])]
 
         def write(topic: str, schema: Any, message: dict[str, Any], t: float) -> None:

@@ -10,34 +10,7 @@ import numpy as np
 from contactsense.types import Contact
 
 _LINE = "=" * 80
-_HEADER = f"""{_LINE}
-MSG: std_msgs/Header
-builtin_interfaces/Time stamp
-string frame_id
-{_LINE}
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec"""
-JOINT_STATE = f"""std_msgs/Header header
-string[] name
-float64[] position
-float64[] velocity
-float64[] effort
-{_HEADER}"""
-_VECTOR = f"""{_LINE}
-MSG: geometry_msgs/Vector3
-float64 x
-float64 y
-float64 z"""
-WRENCH_STAMPED = f"""std_msgs/Header header
-geometry_msgs/Wrench wrench
-{_LINE}
-MSG: geometry_msgs/Wrench
-geometry_msgs/Vector3 force
-geometry_msgs/Vector3 torque
-{_VECTOR}
-{_HEADER}"""
-SCENE_UPDATE = f"""foxglove_msgs/SceneEntityDeletion[] deletions
+_SCENE_UPDATE = f"""foxglove_msgs/SceneEntityDeletion[] deletions
 foxglove_msgs/SceneEntity[] entities
 {_LINE}
 MSG: foxglove_msgs/SceneEntityDeletion
@@ -128,34 +101,25 @@ MSG: foxglove_msgs/Color
 float64 r
 float64 g
 float64 b
-float64 a
-{_LINE}
-MSG: geometry_msgs/Pose
-geometry_msgs/Point position
-geometry_msgs/Quaternion orientation
-{_LINE}
-MSG: geometry_msgs/Point
-float64 x
-float64 y
-float64 z
-{_LINE}
-MSG: geometry_msgs/Quaternion
-float64 x
-float64 y
-float64 z
-float64 w
-{_VECTOR}
-{_LINE}
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec
-{_LINE}
-MSG: builtin_interfaces/Duration
-int32 sec
-uint32 nanosec"""
+float64 a"""
 METRES_PER_NEWTON = 0.004
 """Length of a drawn force."""
 _EMPTY = ("metadata", "cubes", "spheres", "cylinders", "lines", "triangles", "texts", "models")
+
+
+def definitions() -> dict[str, str]:
+    """The definitions of JointState, WrenchStamped and SceneUpdate, in this order, each with those of the
+    messages in it.
+
+    Raises:
+        ImportError: rosbags, which has those of ROS, is not installed.
+    """
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    store.register(get_types_from_msg(_SCENE_UPDATE, "foxglove_msgs/msg/SceneUpdate"))
+    kinds = ("sensor_msgs/msg/JointState", "geometry_msgs/msg/WrenchStamped", "foxglove_msgs/msg/SceneUpdate")
+    return {kind: store.generate_msgdef(kind, ros_version=2)[0] for kind in kinds}
 
 
 def _time(t: float) -> dict[str, int]:

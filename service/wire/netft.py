@@ -25,7 +25,7 @@ COUNTS_LIMIT = 2**31 - 1
 
 
 class RdtProtocolError(Exception):
-    """The datagram is not an RDT request or record; the text states what was expected and received."""
+    """The datagram is not an RDT request; the text states what was expected and received."""
 
 
 class Command(IntEnum):
@@ -107,57 +107,6 @@ def parse_request(datagram: bytes) -> Request:
     except ValueError:
         known = ", ".join(f"{c:#06x}" for c in Command)
         raise RdtProtocolError(f"expected one of the commands {known}, got {command:#06x}") from None
-
-
-def parse_record(datagram: bytes) -> Record:
-    """Parse one reading.
-
-    Raises:
-        RdtProtocolError: Not an RDT record.
-    """
-    if len(datagram) != _RECORD.size:
-        raise RdtProtocolError(f"expected a record of {_RECORD.size} bytes, got {len(datagram)}")
-    rdt, ft, status, *counts = _RECORD.unpack(datagram)
-    return Record(rdt, ft, status, (counts[0], counts[1], counts[2], counts[3], counts[4], counts[5]))
-
-
-def parse_configuration(page: bytes) -> Configuration:
-    """Parse counts per unit and units from the sensor's configuration page.
-
-    Raises:
-        RdtProtocolError: The page lacks an entry, or an entry is not a positive number.
-    """
-    try:
-        root = ElementTree.fromstring(page)
-    except (ElementTree.ParseError, LookupError, ValueError) as error:
-        # Not only bad XML: an unknown or multi-byte encoding raises other errors.
-        raise RdtProtocolError(
-            f"expected the sensor's configuration as XML, got {page[:40]!r}: {error}"
-        ) from None
-
-    def entry(tag: str) -> str:
-        text = (root.findtext(f".//{tag}") or "").strip()
-        if not text:
-            raise RdtProtocolError(f"expected an entry {tag} in the sensor's configuration, got none")
-        return text
-
-    def positive(tag: str) -> float:
-        text = entry(tag)
-        try:
-            number = float(text)
-        except ValueError:
-            number = -1.0
-        if not 0.0 < number < float("inf"):
-            raise RdtProtocolError(f"{tag}: expected a positive number, got {text!r}")
-        return number
-
-    return Configuration(
-        counts_per_force=positive("cfgcpf"),
-        counts_per_torque=positive("cfgcpt"),
-        force_unit=entry("scfgfu"),
-        torque_unit=entry("scfgtu"),
-        product=(root.findtext(".//prodname") or "").strip(),
-    )
 
 
 def to_counts(values: Sequence[float], counts_per_unit: float) -> tuple[list[int], bool]:

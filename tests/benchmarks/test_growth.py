@@ -8,7 +8,6 @@ import pytest
 from rich.console import Console
 
 from contactsense.benchmarks.growth import LENGTH, NOISE, Point, chain, draw, slope, table, touches
-from contactsense.benchmarks.live import line_search_parts
 from contactsense.benchmarks.live.search_parts import Parts
 from contactsense.benchmarks.live.search_parts import table as parts_table
 from contactsense.robots.surface.convex_primitives import pack
@@ -56,11 +55,3 @@ def test_a_part_without_samples_is_left_empty() -> None:
     Console(file=out, width=118).print(parts_table([parts]))
     assert "102.5" in out.getvalue()
     assert "nan" not in out.getvalue()
-
-
-def test_parts_of_the_search_along_a_line_are_multiples_of_the_reference() -> None:
-    parts = line_search_parts.Parts(NOISE, 3.4, 2.0, 7.0, 1.0, 5.0, 15.0, 2.0)
-    *_, row = line_search_parts.table([parts])
-    assert [cell.strip() for cell in row.strip("|").split("|")][1:] == [
-        "3.4", "1.0", "3.5", "0.5", "2.5", "7.5", "4.0",
-    ]  # fmt: skip

@@ -24,7 +24,7 @@ def answered(touches: Touches, order: tuple[int, int]) -> Found:
     point = np.zeros((6, 2, 2, 3))
     link[:, 0, 0], point[:, 0, 0] = touches.link[:, 0], touches.point_base[:, 0]
     link[:, 1], point[:, 1] = touches.link[:, order], touches.point_base[:, order]
-    return Found(link, point, np.zeros_like(point))
+    return Found(link, point)
 
 
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])

@@ -10,7 +10,7 @@ from contactsense.service.api.client import Client
 from contactsense.service.api.messages import HealthOut
 from contactsense.service.demo.processes import Stage
 from contactsense.service.mock.rtde_server import RATE
-from contactsense.service.mock.sent_log import DEFAULT_SIZE, SentLog
+from contactsense.service.mock.sent_log import SIZE, SentLog
 from tests.service.attackers import ATTACKS, attacked
 from tests.service.loopback import until
 
@@ -71,7 +71,7 @@ def test_no_attack_costs_a_sample(tmp_path: Path) -> None:
         all_at_once(client)
         arm.end()
         # What the mock has sent, not what it should have sent: attackers starve it, too, on a small computer.
-        count = sum(sent.left_ns(k / RATE) > 0 for k in range(DEFAULT_SIZE))
+        count = sum(sent.left_ns(k / RATE) > 0 for k in range(SIZE))
         assert until(lambda: health(client).source.robot.received >= count)
         after = health(client)
     assert after.source.robot.received == count

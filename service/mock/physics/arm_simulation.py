@@ -66,7 +66,6 @@ class ArmSimulation:
         tool: Tool at the flange.
         obstacles: Obstacles in the cell.
         gravity: Acceleration of free fall, base axes [m/s^2].
-        servo_stiffness: See `SERVO_STIFFNESS`.
     """
 
     def __init__(
@@ -77,7 +76,6 @@ class ArmSimulation:
         tool: Tool | None = None,
         obstacles: Sequence[Obstacle] = (),
         gravity: Sequence[float] = (0.0, 0.0, -9.81),
-        servo_stiffness: float = SERVO_STIFFNESS,
     ) -> None:
         joints = len(robot.joints)
         self.robot = arrays.with_tool(robot, tool)
@@ -86,7 +84,7 @@ class ArmSimulation:
         self._surfaces = arrays.surfaces(self.robot)
         self._obstacles = arrays.obstacle_arrays(obstacles)
         limit = np.array([joint.torque_limit for joint in robot.joints])
-        self._servo = Servo(servo_stiffness * limit, limit)
+        self._servo = Servo(SERVO_STIFFNESS * limit, limit)
         self._fall = np.array(gravity, dtype=float)
         links = len(self.robot.links)
         start = np.array(q, dtype=float)

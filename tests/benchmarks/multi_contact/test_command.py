@@ -48,7 +48,7 @@ def test_summary_counts_contacts_and_trials() -> None:
 def test_trials_push_where_they_are_told(links: str) -> None:
     trials = Trials(SCENE, seed=1)
     for _ in range(10):
-        trial = trials.draw(2, 20.0, links, "cone")  # type: ignore[arg-type]
+        trial = trials.draw(2, 20.0, links)  # type: ignore[arg-type]
         one, two = trial.pushes
         assert (one.link != two.link) == (links == "different")
         if links == "same":
@@ -67,13 +67,13 @@ def test_trials_push_where_they_are_told(links: str) -> None:
 
 def test_a_force_that_changes_stays_in_the_friction_cone() -> None:
     trials = Trials(SCENE, seed=3)
-    push = trials.draw(1, 20.0, "different", "cone").pushes[0]
-    changed = np.array([trials.changed(push, 10.0, "cone").force for _ in range(200)])
+    push = trials.draw(1, 20.0, "different").pushes[0]
+    changed = np.array([trials.changed(push, 10.0).force for _ in range(200)])
     normal_force = -changed @ push.normal
     across = np.linalg.norm(changed + normal_force[:, None] * push.normal, axis=1)
     assert (across <= SCENE.friction * normal_force).all()
     assert np.std(normal_force) > 5.0
-    near = np.array([trials.changed(push, 0.01, "normal").force for _ in range(200)])
+    near = np.array([trials.changed(push, 0.01).force for _ in range(200)])
     np.testing.assert_allclose(near, np.broadcast_to(push.force, near.shape), atol=0.05)
 
 
@@ -92,7 +92,7 @@ def localizer() -> Localizer:
 
 def test_the_second_contact_of_a_stream_comes_and_goes(localizer: Localizer) -> None:
     """What the sensors say, summed over the pushes: their places shift the moment, and nothing else does."""
-    trial = Trials(QUIET, seed=2).draw(2, 20.0, "different", "cone")
+    trial = Trials(QUIET, seed=2).draw(2, 20.0, "different")
     still = [(s, p) for s, p in samples(localizer, trial, Noise(0.0, 0.0, 0.0), 0.0, 0)]
     weight = still[0][0].base_wrench
     for sample, points in still:

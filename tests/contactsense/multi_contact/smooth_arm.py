@@ -107,7 +107,7 @@ def _distance(case: Case, p: int, point: np.ndarray) -> float:
 def draw_known(case: Case, count: int) -> tuple[Trial, int]:
     """Contacts and their measurement; they are also the known ones, but for the covariances of their places.
     The trial, and the number of rows."""
-    trial = case.trials.draw(count, 20.0, "different", "cone")
+    trial = case.trials.draw(count, 20.0, "different")
     m = take(case, trial, 0.0, count)
     joint, known = case.buffers.joint, case.buffers.known
     for i, push in enumerate(trial.pushes):

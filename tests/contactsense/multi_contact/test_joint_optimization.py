@@ -70,7 +70,7 @@ def _state_rows(joint: JointState, i: int, rows: np.ndarray) -> None:
 
 @pytest.mark.parametrize("count", [1, 2, 3])
 def test_the_gradients_are_those_of_the_energies(case: Case, count: int) -> None:
-    trial = case.trials.draw(count, 20.0, "different", "cone")
+    trial = case.trials.draw(count, 20.0, "different")
     m = take(case, trial, 0.01, count)
     _state_deviations(case, count)
     constants, rows, joint = case.constants, case.buffers.rows, case.buffers.joint
@@ -139,7 +139,7 @@ def _residuals(case: Case, m: int, primitives: list[int], x: np.ndarray) -> np.n
 @pytest.mark.parametrize("seed", range(6))
 def test_the_optimum_agrees_with_scipy(case: Case, seed: int) -> None:
     trials = Trials(SCENE, seed=40 + seed)
-    trial = trials.draw(2, 20.0, "different", "cone")
+    trial = trials.draw(2, 20.0, "different")
     m = take(case, trial, 0.01, seed)
     _state_deviations(case, 2)
     joint = case.buffers.joint
@@ -178,7 +178,7 @@ def _solution(joint: JointState, lane: int) -> np.ndarray:
 
 
 def test_lanes_do_not_depend_on_each_other(case: Case) -> None:
-    trial = case.trials.draw(2, 20.0, "different", "cone")
+    trial = case.trials.draw(2, 20.0, "different")
     m = take(case, trial, 0.02, 7)
     joint = case.buffers.joint
     contact, primitive = joint.contact.copy(), joint.primitive.copy()
@@ -196,7 +196,7 @@ def test_lanes_do_not_depend_on_each_other(case: Case) -> None:
 
 
 def test_covariances_are_those_of_the_inverse_matrix(case: Case) -> None:
-    trial = case.trials.draw(3, 20.0, "different", "cone")
+    trial = case.trials.draw(3, 20.0, "different")
     m = take(case, trial, 0.0, 9)
     constants, joint, size = case.constants, case.buffers.joint, 3 * UNKNOWNS
     joint.lane[ACTIVE] = 1.0
@@ -225,7 +225,7 @@ def test_covariances_are_those_of_the_inverse_matrix(case: Case) -> None:
 
 
 def test_a_known_point_stays_and_its_covariance_shrinks(case: Case) -> None:
-    trial = case.trials.draw(1, 20.0, "different", "cone")
+    trial = case.trials.draw(1, 20.0, "different")
     m = take(case, trial, 0.0, 2)
     joint, information = case.buffers.joint, 1.0 / 0.001**2
     block = joint.contact[0]
@@ -240,7 +240,7 @@ def test_a_known_point_stays_and_its_covariance_shrinks(case: Case) -> None:
 
 
 def test_contacts_above_the_limit_are_rejected(case: Case) -> None:
-    trial = case.trials.draw(2, 20.0, "different", "cone")
+    trial = case.trials.draw(2, 20.0, "different")
     m = take(case, trial, 0.01, 5)
     constants, joint = case.constants, case.buffers.joint
     joint_optimization.find_joint_modes(
@@ -254,7 +254,7 @@ def test_the_prior_over_links_adds_to_the_evidence_once_per_contact(case: Case) 
     density = np.linspace(-1.0, 2.0, len(SHAPES))
     found, links = [], np.zeros(2, dtype=np.int64)
     for log_link_density in (np.zeros(len(SHAPES)), density):
-        trial = Trials(SCENE, seed=3).draw(2, 20.0, "different", "cone")
+        trial = Trials(SCENE, seed=3).draw(2, 20.0, "different")
         m = take(case, trial, 0.01, 3)
         prior, joint = case.constants.prior._replace(log_link_density=log_link_density), case.buffers.joint
         surfaces = case.constants.surfaces

@@ -224,7 +224,7 @@ def _estimates(localizer: Localizer) -> list[tuple[Trial, Estimate, np.ndarray]]
     trials, rng = Trials(localizer.scene, seed=21), np.random.default_rng(1)
     answers = []
     for _ in range(40):
-        trial = trials.draw(2, 20.0, "different", "cone")
+        trial = trials.draw(2, 20.0, "different")
         base, torque = trial.measure(trial.pushes)
         base += rng.standard_normal(6) * np.repeat((0.25, 0.05), 3)
         torque += rng.standard_normal(len(torque))

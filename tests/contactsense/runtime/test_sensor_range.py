@@ -55,7 +55,7 @@ def test_a_saturated_wrist_sensor_is_told_and_not_used_in_streams_and_recordings
 ) -> None:
     """A push takes the moment to the end of the range and stays there."""
     chance = np.random.default_rng(0)
-    torque, base = forward_model(SCENE, Q, "base", np.zeros(3), np.zeros(3))
+    torque, base = forward_model(SCENE, Q, "base", np.zeros(3), np.zeros(3))[:2]
     noise = np.repeat([0.25, 0.05], 3)
     samples = [
         Sample(
@@ -82,7 +82,7 @@ def test_a_saturated_wrist_sensor_is_told_and_not_used_in_streams_and_recordings
 
 
 def test_a_request_with_a_saturated_wrist_sensor_is_refused(localizer: Localizer) -> None:
-    torque, base = forward_model(SCENE, Q, "base", np.zeros(3), np.zeros(3))
+    torque, base = forward_model(SCENE, Q, "base", np.zeros(3), np.zeros(3))[:2]
     weight = TOOL_WEIGHT.wrench(Q)
     for wrist, external in ((readings(8.5), False), (readings(8.5) - weight, True)):
         given = {

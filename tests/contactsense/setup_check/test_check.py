@@ -12,7 +12,7 @@ from contactsense.benchmarks.calibration.setup_draws import Settings, right_setu
 from contactsense.calibration import FreeMotion
 from contactsense.robots.tool import Tool
 from contactsense.setup_check import CheckError, Finding, Residuals, check, lines
-from contactsense.setup_check.check import _report, _tolerance
+from contactsense.setup_check.check import _report, _tolerance, _unexplained
 from contactsense.setup_check.fit import Fitter
 from contactsense.setup_check.motion_basis import MotionBases, Readings
 from contactsense.setup_check.proposals import roll_and_pitch
@@ -141,6 +141,22 @@ def test_correlated_residuals_count_as_fewer_rows(correlation: float, independen
     residual = 3.0 + lfilter([1.0], [1.0, -correlation], noise, axis=0)
     fitter.set_effective_rows(residual)
     np.testing.assert_allclose(fitter.effective, independent, rtol=0.05)
+
+
+@pytest.mark.parametrize(("share", "told"), [(0.027, False), (0.033, True)])
+def test_a_residual_that_is_small_for_the_joint_is_not_unexplained(share: float, told: bool) -> None:
+    """However far it is above the noise: 3 % of the joint's limit is what counts."""
+    case = right_setup("ur5e", 2, DRAWN)
+    assert case.scene.joint_torque is not None
+    quiet = case.scene.joint_torque.model_copy(update={"noise": 0.01})
+    scene = case.scene.model_copy(update={"joint_torque": quiet})
+    readings = Readings.of(scene, [case.recording])
+    fitter = Fitter(scene, MotionBases({"ur5e": scene}, [case.recording]), readings)
+    fit = fitter.fit(Setup.of(scene))
+    residual = np.zeros_like(fit.residual)
+    residual[:, 5] = share * scene.robot.joints[5].torque_limit
+    found = _unexplained(scene, fitter, readings, replace(fit, residual=residual))
+    assert bool(found) == told
 
 
 @pytest.mark.long

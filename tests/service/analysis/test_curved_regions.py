@@ -35,6 +35,19 @@ def test_the_height_of_a_sphere_has_its_mean_square() -> None:
     np.testing.assert_allclose(more[0, :2], 0.0)
 
 
+def test_what_counts_is_the_way_to_the_nearest_place_along_the_normal() -> None:
+    """Even where the surface has turned away: the nine nodes of the quadrature, by hand."""
+    sigma = 0.02
+    more = curvature_covariance(surfaces(), NO_SKIN, 0, np.zeros((1, 3)), UP, region(sigma, 0.0005))
+    square = 0.0
+    for x, share_x in ((-1.0, 1 / 6), (0.0, 4 / 6), (1.0, 1 / 6)):
+        for y, share_y in ((-1.0, 1 / 6), (0.0, 4 / 6), (1.0, 1 / 6)):
+            from_center = np.array([x * np.sqrt(3.0) * sigma, y * np.sqrt(3.0) * sigma, RADIUS])
+            nearest = RADIUS * from_center / np.linalg.norm(from_center)
+            square += share_x * share_y * (RADIUS - nearest[2]) ** 2
+    assert more[0, 2, 2] == pytest.approx(square, rel=1e-9)
+
+
 def test_a_flat_face_adds_nothing() -> None:
     more = curvature_covariance(surfaces(), NO_SKIN, 1, np.zeros((1, 3)), UP, region(0.003, 0.0005))
     np.testing.assert_allclose(more, 0.0, atol=1e-20)

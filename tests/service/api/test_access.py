@@ -1,5 +1,6 @@
 """Closed doors: token, Host, Origin, sizes, times, rates, connections."""
 
+import contextlib
 import json
 import socket
 import ssl
@@ -234,16 +235,31 @@ def test_half_requests_lock_nobody_out() -> None:
         assert http.get(f"http://{place}/v1/health").json()["clients"]["late"] == 4
 
 
+def test_too_many_half_requests_and_idle_connections_give_way() -> None:
+    service = app()
+    with guarded(service, connections=6, head_time=30.0) as place, contextlib.ExitStack() as stack:
+        host, port = place.split(":")
+        counts = service.state.service.connections
+        idle = stack.enter_context(httpx.Client(base_url=f"http://{place}"))
+        assert idle.get("/v1/ready").status_code == 200
+        for _ in range(30):
+            half = stack.enter_context(socket.create_connection((host, int(port))))
+            half.sendall(b"GET /v1/health HTTP/1.1\r\nHost: localhost\r\n")
+        assert http.get(f"http://{place}/v1/health").status_code == 200
+        # The idle connection and all half requests but those that there is place for.
+        assert until(lambda: counts.late >= 26 and counts.opened <= 6)
+        assert counts.refused == 0
+
+
 def test_too_many_connections_are_refused() -> None:
     service = app()
-    with guarded(service, connections=3, head_time=30.0) as place:
-        host, port = place.split(":")
-        open_ones = [socket.create_connection((host, int(port))) for _ in range(3)]
-        assert until(lambda: service.state.service.connections.opened == 3)
-        request = b"GET /v1/health HTTP/1.1\r\nHost: localhost\r\n\r\n"
-        assert answer_to(place, request).startswith(b"HTTP/1.1 503")
-        for connection in open_ones:
-            connection.close()
+    with guarded(service, connections=3) as place:
+        with contextlib.ExitStack() as stack:
+            for _ in range(3):
+                stack.enter_context(connect(f"ws://{place}/v1/stream"))
+            assert until(lambda: service.state.service.connections.opened == 3)
+            request = b"GET /v1/health HTTP/1.1\r\nHost: localhost\r\n\r\n"
+            assert answer_to(place, request).startswith(b"HTTP/1.1 503")
         assert until(lambda: http.get(f"http://{place}/v1/health").status_code == 200)
         assert http.get(f"http://{place}/v1/health").json()["clients"]["refused"] >= 1
 

@@ -11,6 +11,7 @@ import pytest
 from contactsense.service import logs
 from contactsense.service.api.app import create_app
 from contactsense.service.api.settings import Settings
+from contactsense.service.reactions.health import ActionHealth
 from tests.service import fakes, http
 from tests.service.serving import serving
 
@@ -141,3 +142,18 @@ def test_what_was_left_out_is_counted() -> None:
     later.created = record.created + 11.0
     assert flood.filter(later)
     assert later.getMessage() == "full 3 (30 more like this were left out)"
+
+
+def test_an_action_that_failed_is_told_until_an_attempt_succeeds() -> None:
+    app = create_app(Settings())
+    report = {"started": False, "answer": None, "restored": True, "active": [], "expected": []}
+    failed = ActionHealth(type="command", state="failing", error="exit status 1")
+    works = ActionHealth(type="command", state="ok")
+    with serving(app):
+        for action, told in (
+            (failed, ["action door failed at its latest attempt: exit status 1"]),
+            (works, []),
+        ):
+            actions = {"door": action.model_dump()}
+            app.state.service.reactions.handle_report({**report, "actions": actions})
+            assert app.state.service._troubles() == told
