@@ -4,8 +4,9 @@
 """
 
 import multiprocessing
+import signal
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
@@ -19,7 +20,7 @@ class WorkerPoolError(RuntimeError):
 
 def run_tasks(
     function: Callable[[Any], Any], tasks: Sequence[Any], workers: int = 1, scheduler: str | None = None
-) -> Iterator[tuple[Any, Any]]:
+) -> Generator[tuple[Any, Any], None, None]:
     """Results of `function(task)` as (task, result), in the order of completion.
 
     Args:
@@ -79,6 +80,8 @@ class _Worker:
 
 def _serve(pipe: Connection, function: Callable[[Any], Any]) -> None:
     """Main loop of a worker process."""
+    # Ctrl-C in a terminal reaches all processes; the main one then ends the workers.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     while True:
         try:
             task = pipe.recv()
@@ -89,7 +92,7 @@ def _serve(pipe: Connection, function: Callable[[Any], Any]) -> None:
 
 def _on_processes(
     function: Callable[[Any], Any], tasks: Sequence[Any], count: int
-) -> Iterator[tuple[Any, Any]]:
+) -> Generator[tuple[Any, Any], None, None]:
     waiting, deaths = deque(range(len(tasks))), [0] * len(tasks)
     workers = [_Worker(function) for _ in range(count)]
     try:
@@ -127,7 +130,7 @@ def _on_processes(
 
 def _on_dask(
     function: Callable[[Any], Any], tasks: Sequence[Any], scheduler: str
-) -> Iterator[tuple[Any, Any]]:
+) -> Generator[tuple[Any, Any], None, None]:
     try:
         from distributed import Client, as_completed
     except ImportError:

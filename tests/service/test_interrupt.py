@@ -1,0 +1,35 @@
+"""Ctrl-C in a terminal ends a command and all of its processes."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.service.loopback import until
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
+def test_ctrl_c_ends_a_decomposition_and_its_workers(tmp_path: Path) -> None:
+    """Ctrl-C reaches the whole process group. The pipe of the messages closes when the last process ends."""
+    out = tmp_path / "surface.yaml"
+    command = subprocess.Popen(
+        [sys.executable, "-P", "-m", "contactsense.service", "decompose", "ur5e", "--out", str(out)],
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+        # A shell lets programs in the background ignore it.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+    children = Path(f"/proc/{command.pid}/task/{command.pid}/children")
+    try:
+        assert until(lambda: len(children.read_text().split()) >= 2, 30.0)
+        os.killpg(command.pid, signal.SIGINT)
+        _, messages = command.communicate(timeout=20.0)
+    finally:
+        if command.poll() is None:
+            os.killpg(command.pid, signal.SIGKILL)
+    assert command.returncode == 1
+    assert messages.decode().rstrip().endswith("contactsense: interrupted")
+    assert not out.exists()
