@@ -160,6 +160,22 @@ def test_what_cannot_be_used_is_one_line_on_stderr(
     assert err.count("\n") == 1
 
 
+@pytest.mark.parametrize(
+    ("file", "reason"),
+    [("none.pem", "No such file or directory"), (__file__, "expected a certificate and its key in PEM")],
+)
+def test_tls_files_that_cannot_be_used(
+    file: str, reason: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["serve", "--port", "0", "--tls-certificate", file, "--tls-key", file]
+    monkeypatch.setattr(sys, "argv", ["contactsense", *arguments])
+    with pytest.raises(SystemExit, match="1"):
+        main()
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert f"contactsense: {file}, {file}: cannot be used for TLS: {reason}" in err.splitlines()[-1]
+
+
 @pytest.mark.slow
 def test_a_signal_to_the_whole_group_is_no_failure(tmp_path: Path) -> None:
     """Service managers send SIGTERM to all processes of a service at once."""
