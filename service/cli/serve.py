@@ -3,7 +3,6 @@
 import contextlib
 import logging
 import os
-import signal
 import socket
 import ssl
 from pathlib import Path
@@ -147,10 +146,9 @@ def serve(**options: Any) -> int:
         url = f"{scheme}://{settings.host}:{listener.getsockname()[1]}"
         click.echo(f"{READY}{url}")
         click.echo(f"interface: {url}/docs; viewer: contactsense view --url {url}")
-        # uvicorn shuts down in order on either signal, and then raises it again.
-        signal.signal(signal.SIGTERM, signal.default_int_handler)
         prioritize()
         prefer_low_latency()
+        # uvicorn shuts down in order on SIGINT and SIGTERM, and then raises it again.
         with contextlib.suppress(KeyboardInterrupt):
             uvicorn.Server(config).run([listener])
     return 0

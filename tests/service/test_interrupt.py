@@ -1,4 +1,4 @@
-"""Ctrl-C in a terminal ends a command and all of its processes."""
+"""Ctrl-C in a terminal, or SIGTERM, ends a command and all of its processes."""
 
 import os
 import signal
@@ -12,7 +12,8 @@ from tests.service.loopback import until
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
-def test_ctrl_c_ends_a_decomposition_and_its_workers(tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_decomposition_ends_with_its_workers(tmp_path: Path, number: signal.Signals) -> None:
     """Ctrl-C reaches the whole process group. The pipe of the messages closes when the last process ends."""
     out = tmp_path / "surface.yaml"
     command = subprocess.Popen(
@@ -25,7 +26,10 @@ def test_ctrl_c_ends_a_decomposition_and_its_workers(tmp_path: Path) -> None:
     children = Path(f"/proc/{command.pid}/task/{command.pid}/children")
     try:
         assert until(lambda: len(children.read_text().split()) >= 2, 30.0)
-        os.killpg(command.pid, signal.SIGINT)
+        if number == signal.SIGINT:
+            os.killpg(command.pid, number)
+        else:
+            command.send_signal(number)
         _, messages = command.communicate(timeout=20.0)
     finally:
         if command.poll() is None:
