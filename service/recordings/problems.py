@@ -31,6 +31,8 @@ class Problem:
     """Row after the last affected one."""
     kind: Kind
     message: str
+    size: float = 0.0
+    """How large it is, where that can be measured: of a gap and of a clock that was set back, the time [s]."""
 
     @property
     def rows(self) -> str:
