@@ -32,7 +32,7 @@ class Problem:
     kind: Kind
     message: str
     size: float = 0.0
-    """How large it is, where that can be measured: of a gap and of a clock that was set back, the time [s]."""
+    """How large it is, where it has a size: the time of a gap, or by which a clock was set back [s]."""
 
     @property
     def rows(self) -> str:

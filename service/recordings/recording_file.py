@@ -169,7 +169,7 @@ class RecordingFile:
     def _found(self) -> str:
         names = self._table.names
         more = f" and {len(names) - 24} more" if len(names) > 24 else ""
-        return ", ".join(names[:24]) + more
+        return ", ".join(names[:24]) + more if names else "none with numbers"
 
     def _converted(self, columns: Columns, first: int, checker: RowChecker, held: HeldValues) -> Recording:
         t = columns[self._mapping.timestamp] * self._mapping.seconds
