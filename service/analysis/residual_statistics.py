@@ -152,7 +152,7 @@ def _add(
             counts[3 + k] += flags[i] & MISSING << SHIFT[k] != 0
         if not math.isfinite(energy[i]):
             continue
-        # An onset is detected at the second sample above its threshold: the one before belongs to the contact.
+        # An onset is detected at the second sample above the threshold; the first one is part of the contact.
         first_touched = i + 1 < t.shape[0] and flags[i + 1] & TOUCHED != 0
         if not (touched or degraded or first_touched):
             counts[0] += 1

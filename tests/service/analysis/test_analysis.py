@@ -245,3 +245,14 @@ def test_a_sensor_that_starts_during_a_contact_does_not_accuse_the_scene(tmp_pat
     assert np.all(found.residuals.base_ratio < 1.3)
     assert np.all(found.residuals.joint_ratio < 1.3)
     assert not warning(found)
+
+
+def test_recordings_of_ten_samples_a_second(tmp_path: Path) -> None:
+    """The contacts are found, and the report says what such a rate cannot tell."""
+    motion = demo()
+    path = write_motion(motion, tmp_path / "demo.parquet")
+    pa_parquet.write_table(pa_parquet.read_table(path).take(np.arange(0, len(motion.t), 50)), path)
+    found = analyze(path, SCENE)
+    assert [contact.link for contact in found.contacts] == [touch.link for touch in motion.touches]
+    assert not warning(found)
+    assert any(text.startswith("Samples are 0.1 s apart") for well, text in health(found) if not well)
