@@ -31,7 +31,7 @@ contacts:
 
 def contactsense(*arguments: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [sys.executable, "-m", "contactsense.service", *arguments],
+        [sys.executable, "-m", "contactsense", *arguments],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

@@ -17,7 +17,7 @@ def test_a_decomposition_ends_with_its_workers(tmp_path: Path, number: signal.Si
     """Ctrl-C reaches the whole process group. The pipe of the messages closes when the last process ends."""
     out = tmp_path / "surface.yaml"
     command = subprocess.Popen(
-        [sys.executable, "-P", "-m", "contactsense.service", "decompose", "ur5e", "--out", str(out)],
+        [sys.executable, "-P", "-m", "contactsense", "decompose", "ur5e", "--out", str(out)],
         stderr=subprocess.PIPE,
         start_new_session=True,
         # A shell lets programs in the background ignore it.
