@@ -5,8 +5,10 @@
 
 import multiprocessing
 import signal
+import threading
 from collections import deque
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import contextmanager
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
@@ -51,6 +53,20 @@ def _outcome(function: Callable[[Any], Any], task: Any) -> Any:
         return error
 
 
+@contextmanager
+def _without_interrupts() -> Iterator[None]:
+    """Processes that are started in this block ignore Ctrl-C: in a terminal it reaches all processes, and the
+    main one ends the others."""
+    if threading.current_thread() is not threading.main_thread():  # others cannot set it
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
 class _Worker:
     """One process and its current task."""
 
@@ -58,7 +74,8 @@ class _Worker:
         context = multiprocessing.get_context("spawn")
         self.pipe, other = context.Pipe()
         self.process = context.Process(target=_serve, args=(other, function), daemon=True)
-        self.process.start()
+        with _without_interrupts():
+            self.process.start()
         other.close()
         self.task: int | None = None
 
@@ -80,8 +97,6 @@ class _Worker:
 
 def _serve(pipe: Connection, function: Callable[[Any], Any]) -> None:
     """Main loop of a worker process."""
-    # Ctrl-C in a terminal reaches all processes; the main one then ends the workers.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     while True:
         try:
             task = pipe.recv()
