@@ -42,7 +42,7 @@ def main() -> None:
         # 1. Fit primitives to the visual shapes; the file beside the URDF is found by its name.
         #    In a shell: contactsense decompose three.urdf --out three.surface.yaml
         command = ["decompose", str(urdf), "--link-max", "2", "--out", str(urdf.with_suffix(".surface.yaml"))]
-        subprocess.run([sys.executable, "-m", "contactsense.service", *command], check=True)
+        subprocess.run([sys.executable, "-m", "contactsense", *command], check=True)
 
         # 2. The arm, as any other; in a scene file: `robot: path/to/three.urdf`.
         robot = robots.load(urdf)

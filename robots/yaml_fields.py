@@ -7,7 +7,13 @@ import yaml
 
 
 class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
-    """Refuses a key that is given twice: YAML would silently use the last one."""
+    """Refuses a key that is given twice, of which YAML would silently use the last one, and a node that
+    contains itself."""
+
+    def construct_document(self, node: yaml.Node) -> Any:
+        # Completed depth first, no node can be part of itself.
+        self.deep_construct = True
+        return super().construct_document(node)
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         lines: dict[str, int] = {}
@@ -84,6 +90,8 @@ def _parsed(text: str, name: str) -> Any:
         raise ValueError(f"{name}: not YAML: {' '.join(str(error).split())}") from None
     except _RepeatedKeyError as error:
         raise ValueError(f"{name}: {error}") from None
+    except RecursionError:
+        raise ValueError(f"{name}: nested too deeply") from None
 
 
 def _fields(content: Any, name: str, example: str) -> dict[str, Any]:

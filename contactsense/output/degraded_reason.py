@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from contactsense.residuals.sensor_consistency import SensorConsistency, describe_inconsistency
 from contactsense.sensors.stream_state import BLIND, INCONSISTENT, INVALID, MISSING, SETTLING, SHIFT
-from contactsense.sensors.timing import LONGEST_GAP
+from contactsense.sensors.timing import LONGEST_FIRST_STEP
 
 
 def degraded_reason(
@@ -33,10 +33,10 @@ def degraded_reason(
             reasons.append(f"{name} is not finite or implausibly large")
     if flags & INCONSISTENT:
         reasons += describe_inconsistency(consistency)
-    if flags & SETTLING and step > LONGEST_GAP:
+    if flags & SETTLING and step > LONGEST_FIRST_STEP:
         reasons.append(
-            f"t: expected at most {LONGEST_GAP:g} s from one sample to the next, got {step:.4g} s; is the "
-            "time in milliseconds?"
+            f"t: expected at most {LONGEST_FIRST_STEP:g} s from one sample to the next, got {step:.4g} s; is "
+            "the time in milliseconds?"
         )
     if flags & BLIND and not reasons:
         reasons.append("no sensor has a value in this sample")

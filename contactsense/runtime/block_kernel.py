@@ -15,7 +15,7 @@ from contactsense.robots.surface.signed_distance_grid import Skin
 from contactsense.runtime.buffers import Buffers, buffer_views
 from contactsense.runtime.newest_sample import localize
 from contactsense.runtime.simd_samples import detect_in_lane, fill_lanes
-from contactsense.sensors.stream_state import REPEATED, RESTARTED, TOUCHED, UNUSABLE
+from contactsense.sensors.stream_state import REPEATED, RESTARTED, TOUCHED, UNUSABLE, usable_sensors
 
 BlockInputs: TypeAlias = tuple[
     np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray
@@ -23,11 +23,12 @@ BlockInputs: TypeAlias = tuple[
 """Times, sensors that have a value (one bit each), then what `contactsense.sensors.stream_state.Readings`
 lists, each with a leading axis N."""
 BlockOutputs: TypeAlias = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
-"""Of each of the N samples: flags, int64; phase and number of the contact, shape (N, 2), int64; energy of
-the no-contact hypothesis, consistency levels (3), external base wrench (6) and its standard deviation (6),
-external joint torques (n), their standard deviation (n), biases (n) and friction above the scene's (n), shape
-(N, 16 + 4 n); number of explanations, -1 where nothing touches, int64; where there is one, the row of the
-most probable one, shape (N, WIDTH), and the probability of each link, shape (N, links)."""
+"""Of each of the N samples: flags, int64; phase and number of the contact, and whether the residuals of base
+wrench and joint torques can be used (bits 0 and 1), shape (N, 3), int64; energy of the no-contact hypothesis,
+consistency levels (3), external base wrench (6) and its standard deviation (6), external joint torques (n),
+their standard deviation (n), biases (n) and friction above the scene's (n), shape (N, 16 + 4 n); number of
+explanations, -1 where nothing touches, int64; where there is one, the row of the most probable one, shape (N,
+WIDTH), and the probability of each link, shape (N, links)."""
 
 
 @kernel
@@ -100,6 +101,8 @@ def detect_and_localize_block(
                 copy(state.answer.rows[0], best[i])
                 copy(state.link_probability, link_probability[i])
         phases[i, 0], phases[i, 1] = state.track.status[0].phase, state.track.status[0].number
+        has_base, has_torque, _ = usable_sensors(state.stream)
+        phases[i, 2] = has_base + 2 * has_torque
         if stop_at_touch and (found & (TOUCHED | RESTARTED) or before != state.track.status[0].phase):
             return -i - 1
     return int(t.shape[0])

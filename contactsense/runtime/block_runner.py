@@ -47,7 +47,7 @@ class BlockRunner:
         self._flange = (scene.robot.flange_rotation, scene.robot.flange_translation)
         self._flags = np.zeros(MAX_BLOCK, dtype=np.int64)
         self._listed = np.zeros(MAX_BLOCK, dtype=np.int64)
-        self._phases = np.zeros((MAX_BLOCK, 2), dtype=np.int64)
+        self._phases = np.zeros((MAX_BLOCK, 3), dtype=np.int64)
         self._best = np.zeros((MAX_BLOCK, WIDTH))
         self._link_probability = np.zeros((MAX_BLOCK, links))
         self._lanes = empty_lanes(joints)
@@ -128,6 +128,7 @@ class BlockRunner:
             flags=self._flags[:count].copy(),
             phase=self._phases[:count, 0].copy(),
             number=self._phases[:count, 1].copy(),
+            usable=self._phases[:count, 2:] & np.array([1, 2]) > 0,
             energy=residuals[:, 0],
             consistency=residuals[:, 1:4],
             base_wrench=residuals[:, 4:10],

@@ -116,6 +116,9 @@ class BlockEstimates:
     number: np.ndarray
     """Number of the contact, without contact that of the last one, shape (N,), int64. With several contacts,
     that of the first one."""
+    usable: np.ndarray
+    """Whether the residuals of base wrench and joint torques can be used: the sensor is neither silent nor
+    settling after its start, shape (N, 2), bool."""
     energy: np.ndarray
     """Energy of the no-contact hypothesis: half the squared residuals in units of their covariance, shape
     (N,)."""

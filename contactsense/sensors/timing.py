@@ -7,6 +7,9 @@ from contactsense.robots.jit.kernel import kernel
 
 LONGEST_GAP = 0.05
 """A sensor without a value for longer is missing, and its observer restarts [s]."""
+LONGEST_FIRST_STEP = 0.15
+"""The same at the start, where the usual step is not known: sensors of 10 Hz are used, times in milliseconds
+are not [s]."""
 LONGEST_GAP_STEPS = 6.0
 """The same in steps of the sensor, for sensors with long steps."""
 _OVERDUE = 1.5
@@ -38,7 +41,8 @@ def reset_timing(sensors: Records[SensorTiming]) -> None:
 @kernel
 def _longest_gap(timing: SensorTiming) -> float:
     """Time without a value after which the sensor is missing [s]."""
-    return float(max(LONGEST_GAP, LONGEST_GAP_STEPS * timing.usual_step))
+    shortest = LONGEST_GAP if timing.usual_step > 0.0 else LONGEST_FIRST_STEP
+    return float(max(shortest, LONGEST_GAP_STEPS * timing.usual_step))
 
 
 @kernel

@@ -1,15 +1,14 @@
 """Contacts as a table: Parquet for programs, CSV for people."""
 
-import os
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
 import pyarrow.csv as pa_csv
-import pyarrow.parquet as pa_parquet
 
 from contactsense.service.analysis.contact_summary import ContactSummary
+from contactsense.service.recordings.whole_file import whole_file, write_parquet
 
 _AXES = ("x", "y", "z")
 _PAIRS = (("xx", 0, 0), ("xy", 0, 1), ("xz", 0, 2), ("yy", 1, 1), ("yz", 1, 2), ("zz", 2, 2))
@@ -61,28 +60,14 @@ def contact_table(contacts: Iterable[ContactSummary]) -> pa.Table:
 
 def write_contacts(table: pa.Table, folder: Path) -> None:
     """Write `contacts.parquet` and `contacts.csv`; existing files are replaced atomically."""
-    replace_parquet(table, folder / "contacts.parquet")
+    write_parquet(table, folder / "contacts.parquet")
     flat = table
     for name in ("link_probability", "q"):
         texts = [" ".join(f"{x:.6g}" for x in values) for values in table[name].to_pylist()]
         index = flat.schema.get_field_index(name)
         flat = flat.set_column(index, name, pa.array(texts, pa.string()))
-    replace(folder / "contacts.csv", lambda path: pa_csv.write_csv(flat, path))
-
-
-def replace_parquet(table: pa.Table, path: Path) -> None:
-    """Write a table as Parquet; an existing file is replaced atomically."""
-    replace(path, lambda temporary: pa_parquet.write_table(table, temporary, compression="zstd"))
-
-
-def replace(path: Path, write: Callable[[Path], object]) -> None:
-    """Let `write(temporary)` create a file, then rename it: no reader sees an incomplete file."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        write(temporary)
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with whole_file(folder / "contacts.csv") as unfinished:
+        pa_csv.write_csv(flat, unfinished)
 
 
 def _row(contact: ContactSummary) -> dict[str, object]:

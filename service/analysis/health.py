@@ -2,11 +2,14 @@
 
 import numpy as np
 
-from contactsense.sensors.timing import LONGEST_GAP
+from contactsense.sensors.timing import LONGEST_FIRST_STEP
 from contactsense.service.analysis.analysis import Analysis
 
 TOO_LARGE = 1.3
 """Residuals larger than this many standard deviations indicate a wrong model or wrong noise."""
+LONG_STEP = 0.025
+"""With samples further apart, the observers do not follow fast motion: of a simulated UR5e that moved 0.6 rad
+within 1 s, contacts were reported at 20 Hz, none at 50 Hz [s]."""
 UNJUDGED = "no sample could be used: whether anything touched the arm is not known"
 """What is reported of a recording without a usable sample."""
 MISLEADING = 3.0
@@ -57,12 +60,20 @@ def health(analysis: Analysis) -> list[tuple[bool, str]]:
             )
         )
     step = analysis.duration / max(analysis.samples - 1, 1)
-    if not analysis.judged and step > LONGEST_GAP:
+    if not analysis.judged and step > LONGEST_FIRST_STEP:
         findings.append(
             (
                 False,
-                f"timestamp: expected samples at most {LONGEST_GAP:g} s apart, got {step:.3g} s on average; "
-                "is another unit meant (--columns time_unit=ms)?",
+                f"timestamp: expected samples at most {LONGEST_FIRST_STEP:g} s apart, got {step:.3g} s on "
+                "average; is another unit meant (--columns time_unit=ms)?",
+            )
+        )
+    if analysis.judged and step > LONG_STEP:
+        findings.append(
+            (
+                False,
+                f"Samples are {step:.2g} s apart: how the arm moves between them is not known, and fast "
+                "motion may look like contacts. Record at 50 Hz or more.",
             )
         )
     if found.free == 0:

@@ -66,6 +66,9 @@ class _Statistics(NamedTuple):
     squares: np.ndarray
     """Sums over the samples without contact of the squared ratios of residual and standard deviation: base
     wrench, joint torques, shape (6 + n,)."""
+    squared: np.ndarray
+    """How many of these samples have a residual that can be used: base wrench, joint torques, shape (2,),
+    int64."""
     counts: np.ndarray
     """Samples that are free, touched, degraded, and in which each sensor is missing, int64."""
 
@@ -87,6 +90,7 @@ class ResidualStatistics:
             np.full((BINS, 2 + joints), np.nan),
             np.full((BINS, 1 + joints), np.nan),
             np.zeros(6 + joints),
+            np.zeros(2, dtype=np.int64),
             np.zeros(3 + len(SHIFT), dtype=np.int64),
         )
 
@@ -97,16 +101,16 @@ class ResidualStatistics:
         if self._start is None:
             return
         _add(
-            found.t, found.flags, found.energy, found.base_wrench, found.base_wrench_std,
+            found.t, found.flags, found.usable, found.energy, found.base_wrench, found.base_wrench_std,
             found.joint_torque, found.joint_torque_std, self._start, self._collected,
         )  # fmt: skip
 
     def summary(self) -> ResidualSummary:
         """Summary of the blocks so far."""
-        width, largest, std, squares, counts = self._collected
+        width, largest, std, squares, squared, counts = self._collected
         filled = np.flatnonzero(np.isfinite(largest[:, 0]))
         free, touched, degraded, *missing = counts.tolist()
-        ratio = np.sqrt(squares / max(free, 1))
+        ratio = np.sqrt(squares / np.repeat(np.maximum(squared, 1), (6, len(squares) - 6)))
         largest, std = largest[filled], std[filled]
         return ResidualSummary(
             t=(self._start or 0.0) + filled * width[0],
@@ -128,6 +132,7 @@ class ResidualStatistics:
 def _add(
     t: np.ndarray,
     flags: np.ndarray,
+    usable: np.ndarray,
     energy: np.ndarray,
     base_wrench: np.ndarray,
     base_wrench_std: np.ndarray,
@@ -136,8 +141,8 @@ def _add(
     start: float,
     collected: _Statistics,
 ) -> None:
-    """Add a block, see `ResidualStatistics`; the first seven as in `contactsense.BlockEstimates`."""
-    width, largest, std, squares, counts = collected
+    """Add a block, see `ResidualStatistics`; the first eight as in `contactsense.BlockEstimates`."""
+    width, largest, std, squares, squared, counts = collected
     n, bins = joint_torque.shape[1], largest.shape[0]
     for i in range(t.shape[0]):
         touched, degraded = flags[i] & TOUCHED != 0, flags[i] & DEGRADED != 0
@@ -147,12 +152,18 @@ def _add(
             counts[3 + k] += flags[i] & MISSING << SHIFT[k] != 0
         if not math.isfinite(energy[i]):
             continue
-        if not (touched or degraded):
+        # An onset is detected at the second sample above the threshold; the first one is part of the contact.
+        first_touched = i + 1 < t.shape[0] and flags[i + 1] & TOUCHED != 0
+        if not (touched or degraded or first_touched):
             counts[0] += 1
-            for k in range(6):
-                _add_square(base_wrench[i, k] / base_wrench_std[i, k], k, squares)
-            for k in range(n):
-                _add_square(joint_torque[i, k] / joint_torque_std[i, k], 6 + k, squares)
+            if usable[i, 0]:
+                squared[0] += 1
+                for k in range(6):
+                    _add_square(base_wrench[i, k] / base_wrench_std[i, k], k, squares)
+            if usable[i, 1]:
+                squared[1] += 1
+                for k in range(n):
+                    _add_square(joint_torque[i, k] / joint_torque_std[i, k], 6 + k, squares)
         while t[i] - start > (bins + 1) * width[0]:
             _join_bins(largest)
             _join_bins(std)

@@ -14,7 +14,7 @@ from contactsense.service.analysis import Analysis, ForceLimits, LimitsError
 from contactsense.service.analysis import analyze as run
 from contactsense.service.analysis.contact_arrows import contact_arrows
 from contactsense.service.analysis.contact_summary import millimetres
-from contactsense.service.analysis.contact_table import contact_rows, replace_parquet, write_contacts
+from contactsense.service.analysis.contact_table import contact_rows, write_contacts
 from contactsense.service.analysis.health import UNJUDGED, health, warning
 from contactsense.service.analysis.report import write_report
 from contactsense.service.recordings import (
@@ -25,6 +25,8 @@ from contactsense.service.recordings import (
     scene_in,
 )
 from contactsense.service.recordings.export import export
+from contactsense.service.recordings.table_files import reason
+from contactsense.service.recordings.whole_file import write_parquet
 
 
 @click.command()
@@ -108,7 +110,7 @@ def analyze(
             skipped += 1
             continue
         except OSError as error:
-            raise click.ClickException(f"{error.filename}: cannot write: {error.strerror}") from None
+            raise click.ClickException(f"{error.filename or folder}: cannot write: {reason(error)}") from None
         if not found.judged:
             unjudged.append(path)
         if as_json:
@@ -156,7 +158,7 @@ def _analyze(
     folder.mkdir(parents=True, exist_ok=True)
     write_contacts(found.to_arrow(), folder)
     if found.estimates is not None:
-        replace_parquet(found.estimates, folder / "estimates.parquet")
+        write_parquet(found.estimates, folder / "estimates.parquet")
     write_report(found, folder)
     return found
 

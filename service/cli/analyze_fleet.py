@@ -52,7 +52,7 @@ def analyze_dataset(
         click.echo((out / "fleet.md").read_text(encoding="utf-8"))
         click.echo(f"report: {out / 'fleet.html'}")
     if summary.skipped:
-        raise click.ClickException(f"{summary.skipped} recordings were skipped")
+        raise click.ClickException(f"recordings that were skipped: {summary.skipped}")
     if summary.unjudged:
         sys.exit(1)
 

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Iterable, Mapping
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from contactsense.robots import Robot, RobotError
+from contactsense.service.analysis.fleet.worker_pool import WorkerPoolError, run_tasks
 from contactsense.service.cli.measured_surface import measured_again
 
 if TYPE_CHECKING:
@@ -162,24 +163,29 @@ def _write(text: str, out: Path | None) -> None:
 def _fit_all(
     robot: Robot, meshes: "dict[str, trimesh.Trimesh]", options: "Options", jobs: int
 ) -> "dict[str, tuple[Fit, ...]]":
+    links = [number for number, name in enumerate(robot.link_names) if name in meshes]
+    tasks = [(robot, meshes, number, options) for number in links]
+    found: dict[int, tuple[Fit, ...]] = {}
+    with (
+        Progress(*_COLUMNS, console=Console(stderr=True)) as progress,
+        closing(run_tasks(_fit, tasks, jobs)) as fits,
+    ):
+        bar = progress.add_task(f"{robot.name}: links", total=len(links))
+        for (_, _, number, _), fit in fits:
+            if isinstance(fit, ValueError | WorkerPoolError):
+                raise click.ClickException(f"{robot.name}: link {robot.link_names[number]}: {fit}") from fit
+            if isinstance(fit, Exception):
+                raise fit
+            found[number] = fit
+            progress.advance(bar)
+    return {robot.link_names[number]: found[number] for number in links}
+
+
+def _fit(task: "tuple[Robot, dict[str, trimesh.Trimesh], int, Options]") -> "tuple[Fit, ...]":
+    """The fits of one link, in a worker process."""
     from contactsense.robots.decomposition.decompose import fit_link
 
-    links = [number for number, name in enumerate(robot.link_names) if name in meshes]
-    found: dict[int, tuple[Fit, ...]] = {}
-    with Progress(*_COLUMNS, console=Console(stderr=True)) as progress, ProcessPoolExecutor(jobs) as pool:
-        task = progress.add_task(f"{robot.name}: links", total=len(links))
-        waiting: dict[Future[tuple[Fit, ...]], int] = {
-            pool.submit(fit_link, robot, meshes, number, options): number for number in links
-        }
-        for done in as_completed(waiting):
-            name = robot.link_names[waiting[done]]
-            try:
-                found[waiting[done]] = done.result()
-            except ValueError as error:
-                pool.shutdown(cancel_futures=True)
-                raise click.ClickException(f"{robot.name}: link {name}: {error}") from error
-            progress.advance(task)
-    return {robot.link_names[number]: found[number] for number in links}
+    return fit_link(*task)
 
 
 def _report(best: "dict[str, Fit]") -> None:

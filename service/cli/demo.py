@@ -1,11 +1,9 @@
 """`contactsense demo`: a simulated arm, the service, and its estimates next to the ground truth."""
 
-import signal
 import time
 from contextlib import ExitStack, suppress
 from importlib.util import find_spec
 from pathlib import Path
-from typing import NoReturn
 
 import click
 from rich.console import Console
@@ -62,7 +60,6 @@ def demo(script: Path | None, serve: bool, view: bool, port: int, react: bool, a
     process of its own, and reads the service's WebSocket stream as any client would. Exit status 0 only if
     every link was found.
     """
-    signal.signal(signal.SIGTERM, _interrupted)
     if react:
         if script is not None or serve or view:
             raise click.UsageError("--react: expected neither --script nor --serve nor --view beside it")
@@ -216,7 +213,3 @@ def _line(verdict: Verdict) -> str:
 
 def _row(cells: list[str]) -> str:
     return "".join(cell.rjust(width) for cell, width in zip(cells, COLUMNS.values(), strict=True))
-
-
-def _interrupted(*_: object) -> NoReturn:
-    raise KeyboardInterrupt

@@ -1,5 +1,6 @@
 """Entry point: `contactsense COMMAND ...`. Commands are imported only when they are called."""
 
+import signal
 import sys
 
 import click
@@ -45,6 +46,8 @@ click.version_option(package_name="contactsense")(cli)
 
 def main() -> None:
     """Run the command line: exit status 0 on success, 1 on failure, 2 on wrong usage; one line per error."""
+    # Like Ctrl-C: commands end their processes and close their files.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         status = cli.main(standalone_mode=False)
     except click.UsageError as error:

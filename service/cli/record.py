@@ -17,7 +17,7 @@ from contactsense.scene import Scene, SceneError
 from contactsense.service.api.settings import Settings, SettingsError
 from contactsense.service.cli.finite_range import FiniteRange
 from contactsense.service.cli.option_names import as_options
-from contactsense.service.cli.record_by_service import ended_by_signals, record_by_service
+from contactsense.service.cli.record_by_service import record_by_service
 from contactsense.service.cli.sensor_options import from_environment, sensor_options
 from contactsense.service.cli.token_file import read_token
 from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError, read, scene_in
@@ -128,7 +128,7 @@ def _run(live: LiveSource, recorder: Recorder, seconds: float | None, out: Path)
     console = Console(stderr=True)
     columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
     end = None if seconds is None else time.monotonic() + seconds
-    with ended_by_signals(), Progress(*columns, console=console) as progress:
+    with Progress(*columns, console=console) as progress:
         task = progress.add_task("waiting for the robot")
         shown = 0.0
         with contextlib.suppress(KeyboardInterrupt):

@@ -1,24 +1,12 @@
 """Lets a running service record to its own folder while this command runs."""
 
 import contextlib
-import signal
 import time
-from collections.abc import Iterator
 
 import click
 from rich.console import Console
 
 from contactsense.service.viewer.service_calls import ServiceCalls
-
-
-@contextlib.contextmanager
-def ended_by_signals() -> Iterator[None]:
-    """Make SIGTERM end the block like Ctrl-C."""
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
 
 
 def record_by_service(service: ServiceCalls, seconds: float | None) -> None:
@@ -36,11 +24,7 @@ def record_by_service(service: ServiceCalls, seconds: float | None) -> None:
     console = Console(stderr=True)
     service.recording(on=True)
     try:
-        with (
-            ended_by_signals(),
-            contextlib.suppress(KeyboardInterrupt),
-            console.status("recording") as status,
-        ):
+        with contextlib.suppress(KeyboardInterrupt), console.status("recording") as status:
             while end is None or time.monotonic() < end:
                 time.sleep(min(0.5, 0.5 if end is None else max(0.0, end - time.monotonic())))
                 state = service.recording()

@@ -3,8 +3,8 @@
 import contextlib
 import logging
 import os
-import signal
 import socket
+import ssl
 from pathlib import Path
 from typing import Any
 
@@ -120,10 +120,6 @@ def serve(**options: Any) -> int:
             app.state.service.ports.check()
         except PortError as error:
             raise click.ClickException(str(error)) from None
-        scheme = "http" if settings.tls_certificate is None else "https"
-        url = f"{scheme}://{settings.host}:{listener.getsockname()[1]}"
-        click.echo(f"{READY}{url}")
-        click.echo(f"interface: {url}/docs; viewer: contactsense view --url {url}")
         limits = app.state.service.connections
         config = uvicorn.Config(
             app,
@@ -138,10 +134,21 @@ def serve(**options: Any) -> int:
             ws_per_message_deflate=False,  # here compression costs more time than it saves
             timeout_graceful_shutdown=3,
         )
-        # uvicorn shuts down in order on either signal, and then raises it again.
-        signal.signal(signal.SIGTERM, signal.default_int_handler)
+        try:
+            config.load()
+        except OSError as error:
+            reason = "expected a certificate and its key in PEM: " if isinstance(error, ssl.SSLError) else ""
+            raise click.ClickException(
+                f"{settings.tls_certificate}, {settings.tls_key}: cannot be used for TLS: "
+                f"{reason}{error.strerror}"
+            ) from None
+        scheme = "http" if settings.tls_certificate is None else "https"
+        url = f"{scheme}://{settings.host}:{listener.getsockname()[1]}"
+        click.echo(f"{READY}{url}")
+        click.echo(f"interface: {url}/docs; viewer: contactsense view --url {url}")
         prioritize()
         prefer_low_latency()
+        # uvicorn shuts down in order on SIGINT and SIGTERM, and then raises it again.
         with contextlib.suppress(KeyboardInterrupt):
             uvicorn.Server(config).run([listener])
     return 0

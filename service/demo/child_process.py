@@ -29,7 +29,7 @@ class Child:
         # A new session, so that Ctrl-C reaches only this process, which ends the children in order.
         # -P: do not import from a folder named service in the user's working directory.
         self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "contactsense.service", *arguments],
+            [sys.executable, "-P", "-m", "contactsense", *arguments],
             stdout=subprocess.PIPE,
             stderr=errors,
             text=True,

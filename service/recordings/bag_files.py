@@ -42,9 +42,9 @@ class BagFile:
         columns = (column_of(field) for field in link_sensors)
         topics |= {column: f"/{column}" for column in columns if column not in topics}
         messages, found = self._messages((mapping.joint_states, *topics.values()))
+        listed = "; ".join(f"{topic} ({kind})" for topic, kind in sorted(found.items())) or "no topics"
         joint = messages.get(mapping.joint_states, [])
         if not joint:
-            listed = "; ".join(f"{topic} ({kind})" for topic, kind in sorted(found.items())) or "no topics"
             raise RecordingError(
                 f"{path}: expected {_JOINT_STATE} messages on {mapping.joint_states}, found {listed}; "
                 "--columns joint_states=TOPIC names another topic"
@@ -56,6 +56,8 @@ class BagFile:
                 stamps, values = _wrenches(messages[topic])
                 for i in range(6):
                     self._columns[f"{prefix}_{i}"] = np.interp(t, stamps, values[:, i], np.nan, np.nan)
+            elif f"{prefix}_topic" in mapping.model_fields_set:
+                raise RecordingError(f"{path}: expected WrenchStamped messages on {topic}, found {listed}")
         self.names = list(self._columns)
         self.rows: int | None = len(t)
 

@@ -51,7 +51,7 @@ class RowChecker:
         for i in np.flatnonzero(step < 0.0):
             row = first_row + int(rows[i])
             message = f"the clock was set back by {-step[i]:.3f} s; a new stretch begins"
-            self.problems.append(Problem(row, row + 1, "clock_set_back", message))
+            self.problems.append(Problem(row, row + 1, "clock_set_back", message, -float(step[i])))
         if self._usual is None:
             forward = np.flatnonzero((step > 0.0) & np.isfinite(step))
             self._first.append((first_row + rows[forward], step[forward]))
@@ -78,7 +78,7 @@ class RowChecker:
         assert self._usual is not None
         for i in np.flatnonzero((step > GAP_STEPS * self._usual) & np.isfinite(step)):
             message = f"a gap of {step[i]:.3f} s before this row (usual step {self._usual:.4f} s)"
-            self.problems.append(Problem(int(rows[i]), int(rows[i]) + 1, "gap", message))
+            self.problems.append(Problem(int(rows[i]), int(rows[i]) + 1, "gap", message, float(step[i])))
 
     def report(
         self, bad: np.ndarray, first_row: int, kind: Kind, message: str, rows: np.ndarray | None = None

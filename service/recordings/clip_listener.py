@@ -14,13 +14,13 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pa_parquet
 from pydantic import BaseModel, ConfigDict, PositiveFloat
 
 from contactsense.scene import Scene
 from contactsense.service.recordings.metadata import metadata
 from contactsense.service.recordings.sample_rows import Ring, SampleRows
 from contactsense.service.recordings.segment_writer import Rotation, SegmentWriter
+from contactsense.service.recordings.whole_file import write_parquet
 from contactsense.types import Estimate, Sample
 
 _HOST_TIME = 1
@@ -182,11 +182,5 @@ class ClipListener:
         path = self._folder / f"clip-{stamp}-{wanted.number:06d}.parquet"
         meta = metadata(self._scene, table="clip", reason=wanted.reason)
         arrays = [pa.array(np.ascontiguousarray(column)) for column in self._rows.stored(rows).T]
-        part = path.with_suffix(".part")
-        pa_parquet.write_table(
-            pa.table(dict(zip(self._rows.names, arrays, strict=True)), metadata=meta),
-            part,
-            compression="zstd",
-        )
-        part.replace(path)
+        write_parquet(pa.table(dict(zip(self._rows.names, arrays, strict=True)), metadata=meta), path)
         return path.name

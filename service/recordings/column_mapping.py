@@ -70,6 +70,11 @@ class ColumnMapping(BaseModel):
             return self.wrist_wrench
         return self.link_wrenches.get(field.removeprefix("link_wrenches."), (column_of(field),))
 
+    def states(self, field: str) -> bool:
+        """Whether the columns of the base sensor, or of one of `Scene.link_sensors`, are not the defaults."""
+        group, _, member = field.partition(".")
+        return member in self.link_wrenches if member else group in self.model_fields_set
+
     @property
     def seconds(self) -> float:
         """Seconds per unit of the time column."""

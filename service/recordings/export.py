@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pa_csv
-import pyarrow.parquet as pa_parquet
 
 from contactsense.runtime.link_sensor_frame import LinkSensorFrame
 from contactsense.runtime.wrench_map import WrenchMap
@@ -24,6 +23,7 @@ from contactsense.service.recordings.ros_messages import (
     wrench_stamped,
 )
 from contactsense.service.recordings.table_files import reason
+from contactsense.service.recordings.whole_file import whole_file, write_parquet
 from contactsense.types import Contact
 
 
@@ -42,13 +42,14 @@ def write_columns(path: str | Path, columns: Mapping[str, np.ndarray]) -> None:
 
 
 def _write_table(table: pa.Table, path: Path) -> None:
+    if path.suffix not in (".parquet", ".csv"):
+        raise RecordingError(f"{path}: expected a name that ends in .parquet or .csv")
     try:
         if path.suffix == ".parquet":
-            pa_parquet.write_table(table, path, compression="zstd")
-        elif path.suffix == ".csv":
-            pa_csv.write_csv(table, path, pa_csv.WriteOptions(quoting_style="none"))
+            write_parquet(table, path)
         else:
-            raise RecordingError(f"{path}: expected a name that ends in .parquet or .csv")
+            with whole_file(path) as unfinished:
+                pa_csv.write_csv(table, unfinished, pa_csv.WriteOptions(quoting_style="none"))
     except (OSError, pa.ArrowException) as error:
         raise RecordingError(f"{path}: cannot write: {reason(error)}") from None
 
@@ -116,7 +117,7 @@ def _mcap(
         raise RecordingError(
             f"{path}: writing MCAP needs extra packages: pip install contactsense[mcap] ({error.name})"
         ) from None
-    with path.open("wb") as file:
+    with whole_file(path) as unfinished, unfinished.open("wb") as file:
         writer: Any = Writer(file)
         joints, wrenches, scenes = (writer.register_msgdef(kind, text) for kind, text in defined.items())
         names = [f"joint_{i}" for i in range(recording.q.shape[1])]

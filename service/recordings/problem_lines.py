@@ -36,5 +36,9 @@ def _line(group: list[Problem]) -> str:
         return str(group[0])
     places = ", ".join(problem.rows for problem in group[:NAMED])
     more = f" and {len(group) - NAMED} more" if len(group) > NAMED else ""
-    example = "" if len({problem.message for problem in group}) == 1 else "first "
-    return f"rows {places}{more} ({len(group)} places): {example}{group[0].message}"
+    listed = f"rows {places}{more} ({len(group)} places)"
+    if len({problem.message for problem in group}) == 1:
+        return f"{listed}: {group[0].message}"
+    worst = max(group, key=lambda problem: problem.size)
+    which = f"the largest, row {worst.rows}" if worst.size > 0.0 else "the first"
+    return f"{listed}; {which}: {worst.message}"

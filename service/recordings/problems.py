@@ -31,6 +31,8 @@ class Problem:
     """Row after the last affected one."""
     kind: Kind
     message: str
+    size: float = 0.0
+    """How large it is, where it has a size: the time of a gap, or by which a clock was set back [s]."""
 
     @property
     def rows(self) -> str:

@@ -154,7 +154,7 @@ class RecordingFile:
         wanted = expand(columns, 6, self._table.names)
         if all(column in self._table.names for column in wanted):
             return wanted
-        if any(column in self._table.names for column in wanted):
+        if self._mapping.states(name) or any(column in self._table.names for column in wanted):
             self._missing(name, next(c for c in wanted if c not in self._table.names))
         message = f"no column {wanted[0]}: {name} is not used, though the scene has this sensor"
         self._absent.append(Problem(0, 0, "missing_sensor", message))
@@ -169,7 +169,7 @@ class RecordingFile:
     def _found(self) -> str:
         names = self._table.names
         more = f" and {len(names) - 24} more" if len(names) > 24 else ""
-        return ", ".join(names[:24]) + more
+        return ", ".join(names[:24]) + more if names else "none with numbers"
 
     def _converted(self, columns: Columns, first: int, checker: RowChecker, held: HeldValues) -> Recording:
         t = columns[self._mapping.timestamp] * self._mapping.seconds

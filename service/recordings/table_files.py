@@ -7,6 +7,7 @@ import gzip
 import io
 import zlib
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -187,7 +188,7 @@ class _ParquetFolder:
                 yield row, columns
                 row += len(next(iter(columns.values())))
             self.problems += [
-                Problem(p.row_from + begin, p.row_to + begin, p.kind, p.message) for p in part.problems
+                replace(p, row_from=p.row_from + begin, row_to=p.row_to + begin) for p in part.problems
             ]
 
 

@@ -23,6 +23,9 @@ def test_fields_are_those_of_yaml() -> None:
         (b"a: 1\nb: {c: 1,\n c: 2}", "file.yaml: c: expected once, got in line 2 and in line 3"),
         (b"a: [", "file.yaml: not YAML: "),
         (b"a: \x01", "file.yaml: not YAML: "),
+        (b"a: &a {b: *a}", "file.yaml: not YAML: "),
+        (b"a: &a [1, *a]", "file.yaml: not YAML: "),
+        pytest.param(b"a: " + 5000 * b"[" + 5000 * b"]", "file.yaml: nested too deeply", id="nested"),
         (None, "file.yaml: cannot read the scene: No such file or directory"),
     ],
 )

@@ -31,7 +31,7 @@ contacts:
 
 def contactsense(*arguments: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [sys.executable, "-m", "contactsense.service", *arguments],
+        [sys.executable, "-m", "contactsense", *arguments],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -158,6 +158,22 @@ def test_what_cannot_be_used_is_one_line_on_stderr(
     assert out == ""
     assert complaint in err
     assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("file", "reason"),
+    [("none.pem", "No such file or directory"), (__file__, "expected a certificate and its key in PEM")],
+)
+def test_tls_files_that_cannot_be_used(
+    file: str, reason: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["serve", "--port", "0", "--tls-certificate", file, "--tls-key", file]
+    monkeypatch.setattr(sys, "argv", ["contactsense", *arguments])
+    with pytest.raises(SystemExit, match="1"):
+        main()
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert f"contactsense: {file}, {file}: cannot be used for TLS: {reason}" in err.splitlines()[-1]
 
 
 @pytest.mark.slow

@@ -12,12 +12,13 @@ import pyarrow as pa
 from contactsense import Localizer
 from contactsense.scene import Scene
 from contactsense.service.analysis.analysis import AnalysisRun
-from contactsense.service.analysis.contact_table import contact_table, replace, replace_parquet
+from contactsense.service.analysis.contact_table import contact_table
 from contactsense.service.analysis.fleet.segments import Segment
 from contactsense.service.analysis.friction_residuals import FrictionResiduals
 from contactsense.service.analysis.residual_statistics import ResidualStatistics
 from contactsense.service.recordings import Recording, RecordingError, read
 from contactsense.service.recordings.problem_lines import problem_lines
+from contactsense.service.recordings.whole_file import whole_file, write_parquet
 
 HANDOVER = 1.0
 """A contact that begins within this time after a segment's end is kept by both segments: which of them saw it
@@ -69,8 +70,9 @@ def run_segment(task: SegmentTask) -> dict[str, Any]:
     }
     path.parent.mkdir(parents=True, exist_ok=True)
     # The JSON file is written last: if it exists, the table is complete.
-    replace_parquet(table, path.with_suffix(".parquet"))
-    replace(path, lambda temporary: temporary.write_text(json.dumps(result), encoding="utf-8"))
+    write_parquet(table, path.with_suffix(".parquet"))
+    with whole_file(path) as unfinished:
+        unfinished.write_text(json.dumps(result), encoding="utf-8")
     return result
 
 

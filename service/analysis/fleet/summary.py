@@ -13,10 +13,11 @@ import pyarrow as pa
 import pyarrow.parquet as pa_parquet
 
 from contactsense.scene import Scene
-from contactsense.service.analysis.contact_table import SCHEMA, replace_parquet
+from contactsense.service.analysis.contact_table import SCHEMA
 from contactsense.service.analysis.fleet.drift import Daily, daily_mean, daily_median
 from contactsense.service.analysis.fleet.segment_task import FRICTION, SegmentTask, part_path
 from contactsense.service.analysis.health import TOO_LARGE
+from contactsense.service.recordings.whole_file import write_parquet
 
 
 @dataclass
@@ -205,14 +206,14 @@ def write_summary(summary: FleetSummary, folder: Path) -> None:
         here = fresh / f"robot={one or 'unknown'}" / f"date={day or 'unknown'}"
         here.mkdir(parents=True)
         part = summary.contacts.take(np.flatnonzero((robot == one) & (date == day)))
-        replace_parquet(part.drop_columns(["robot", "date"]), here / "part-0.parquet")
+        write_parquet(part.drop_columns(["robot", "date"]), here / "part-0.parquet")
     shutil.rmtree(target, ignore_errors=True)
     fresh.rename(target)
-    replace_parquet(
+    write_parquet(
         pa.Table.from_pylist([robot_row(robot) for robot in summary.robots]), folder / "robots.parquet"
     )
     rows = [row for robot in summary.robots for row in day_rows(robot)]
-    replace_parquet(pa.Table.from_pylist(rows), folder / "days.parquet")
+    write_parquet(pa.Table.from_pylist(rows), folder / "days.parquet")
 
 
 def robot_row(robot: RobotSummary) -> dict[str, Any]:

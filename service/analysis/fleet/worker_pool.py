@@ -4,8 +4,11 @@
 """
 
 import multiprocessing
+import signal
+import threading
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import contextmanager
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
@@ -19,7 +22,7 @@ class WorkerPoolError(RuntimeError):
 
 def run_tasks(
     function: Callable[[Any], Any], tasks: Sequence[Any], workers: int = 1, scheduler: str | None = None
-) -> Iterator[tuple[Any, Any]]:
+) -> Generator[tuple[Any, Any], None, None]:
     """Results of `function(task)` as (task, result), in the order of completion.
 
     Args:
@@ -50,6 +53,20 @@ def _outcome(function: Callable[[Any], Any], task: Any) -> Any:
         return error
 
 
+@contextmanager
+def _without_interrupts() -> Iterator[None]:
+    """Processes that are started in this block ignore Ctrl-C: in a terminal it reaches all processes, and the
+    main one ends the others."""
+    if threading.current_thread() is not threading.main_thread():  # others cannot set it
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
 class _Worker:
     """One process and its current task."""
 
@@ -57,7 +74,8 @@ class _Worker:
         context = multiprocessing.get_context("spawn")
         self.pipe, other = context.Pipe()
         self.process = context.Process(target=_serve, args=(other, function), daemon=True)
-        self.process.start()
+        with _without_interrupts():
+            self.process.start()
         other.close()
         self.task: int | None = None
 
@@ -89,7 +107,7 @@ def _serve(pipe: Connection, function: Callable[[Any], Any]) -> None:
 
 def _on_processes(
     function: Callable[[Any], Any], tasks: Sequence[Any], count: int
-) -> Iterator[tuple[Any, Any]]:
+) -> Generator[tuple[Any, Any], None, None]:
     waiting, deaths = deque(range(len(tasks))), [0] * len(tasks)
     workers = [_Worker(function) for _ in range(count)]
     try:
@@ -127,7 +145,7 @@ def _on_processes(
 
 def _on_dask(
     function: Callable[[Any], Any], tasks: Sequence[Any], scheduler: str
-) -> Iterator[tuple[Any, Any]]:
+) -> Generator[tuple[Any, Any], None, None]:
     try:
         from distributed import Client, as_completed
     except ImportError:

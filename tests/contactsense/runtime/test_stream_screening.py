@@ -68,7 +68,7 @@ def test_stamps_in_milliseconds_are_told(ordinary: Localizer) -> None:
     for estimate in answers(ordinary, samples)[1:]:
         assert estimate.status == "degraded"
         assert estimate.reason == (
-            "t: expected at most 0.05 s from one sample to the next, got 2 s; is the time in milliseconds?"
+            "t: expected at most 0.15 s from one sample to the next, got 2 s; is the time in milliseconds?"
         )
 
 

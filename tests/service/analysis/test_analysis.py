@@ -15,7 +15,7 @@ from contactsense import Localizer, Scene
 from contactsense.runtime.stream_start import FROM_START
 from contactsense.service.analysis import Analysis, ForceLimits, LimitsError, analyze
 from contactsense.service.analysis.contact_table import SCHEMA, write_contacts
-from contactsense.service.analysis.health import health
+from contactsense.service.analysis.health import health, warning
 from contactsense.service.analysis.summarize import Summarizer
 from contactsense.service.mock.script import Script
 from contactsense.service.mock.simulated_arm import simulate
@@ -225,3 +225,34 @@ def test_a_recording_that_never_fits_a_free_arm_accuses_the_scene() -> None:
     found = analyze(recording, tilted, smooth=False)
     assert found.problems == (FROM_START,)
     assert (False, FROM_START) in health(found)
+
+
+def test_a_sensor_that_starts_during_a_contact_does_not_accuse_the_scene(tmp_path: Path) -> None:
+    """While its observer settles, its residual is neither used nor without contact."""
+    motion = demo()
+    touch = next(touch for touch in motion.touches if touch.link == "base")  # which torques do not measure
+    begin = touch.first - 200
+    path = write_motion(motion, tmp_path / "part.parquet", first=begin, last=begin + 5000)
+    table = pa_parquet.read_table(path)
+    late = np.arange(len(table)) < 500
+    for i in range(6):
+        name = f"base_wrench_{i}"
+        values = np.where(late, np.nan, table[name].to_numpy())
+        table = table.set_column(table.schema.get_field_index(name), name, pa.array(values))
+    pa_parquet.write_table(table, path)
+    found = analyze(path, SCENE)
+    assert found.contacts[0].link == touch.link
+    assert np.all(found.residuals.base_ratio < 1.3)
+    assert np.all(found.residuals.joint_ratio < 1.3)
+    assert not warning(found)
+
+
+def test_recordings_of_ten_samples_a_second(tmp_path: Path) -> None:
+    """The contacts are found, and the report says what such a rate cannot tell."""
+    motion = demo()
+    path = write_motion(motion, tmp_path / "demo.parquet")
+    pa_parquet.write_table(pa_parquet.read_table(path).take(np.arange(0, len(motion.t), 50)), path)
+    found = analyze(path, SCENE)
+    assert [contact.link for contact in found.contacts] == [touch.link for touch in motion.touches]
+    assert not warning(found)
+    assert any(text.startswith("Samples are 0.1 s apart") for well, text in health(found) if not well)

@@ -11,27 +11,29 @@ from contactsense.service.live.supervision import Supervised
 @pytest.mark.parametrize("how", ["raises", "returns", "is cancelled"])
 def test_a_task_that_ends_is_told_of_and_started_again(how: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(supervision, "PAUSE", 0.01)
-    lives = 0
+    lives, told = 0, ""
 
     async def body() -> None:
-        nonlocal lives
+        nonlocal lives, told
         lives += 1
         if lives >= 3:
+            told = task.error  # which is cleared after a while
             await asyncio.sleep(60.0)
         if how == "raises":
             raise OSError("too many open files")
         if how == "is cancelled":
             raise asyncio.CancelledError
 
+    task = Supervised("the watch", body)
+
     async def scenario() -> None:
-        task = Supervised("the watch", body)
         task.start()
         async with asyncio.timeout(10.0):
             while lives < 3:
                 await asyncio.sleep(0.01)
         assert task.failures == 2
         if how == "raises":
-            assert "too many open files" in task.error
+            assert "too many open files" in told
         await task.stop()
         await asyncio.sleep(0.05)
         assert lives == 3  # stopped for good

@@ -58,6 +58,8 @@ def test_a_bag_without_the_topic_lists_what_it_has(tmp_path: Path) -> None:
     export(recording(), tmp_path / "a.mcap")
     with pytest.raises(RecordingError, match=r"on /joints, found /base_wrench \(geometry_msgs"):
         read(tmp_path / "a.mcap", SCENE, "joint_states=/joints")
+    with pytest.raises(RecordingError, match=r"WrenchStamped messages on /ft, found /base_wrench \(geometry"):
+        read(tmp_path / "a.mcap", SCENE, "base_wrench_topic=/ft")
     (tmp_path / "b.mcap").write_bytes((tmp_path / "a.mcap").read_bytes()[:200])
     with pytest.raises(RecordingError, match=r"b\.mcap"):
         read(tmp_path / "b.mcap", SCENE)

@@ -7,11 +7,16 @@ from contactsense.service.recordings.problems import Problem
 def test_one_line_for_each_kind_with_count_and_first_rows() -> None:
     message = "base_wrench is missing or not finite"
     missing = [Problem(100 * i, 100 * i + 2, "not_finite", message) for i in range(11)]
-    gaps = [Problem(i, i + 1, "gap", f"a gap of {i:.3f} s before this row") for i in (7, 9)]
-    assert problem_lines([missing[0], gaps[0], *missing[1:], gaps[1]]) == (
+    gaps = [Problem(i, i + 1, "gap", f"a gap of {i:.3f} s before this row", i) for i in (7, 9, 8)]
+    assert problem_lines([missing[0], gaps[0], *missing[1:], *gaps[1:]]) == (
         "rows 0 to 1, 100 to 101, 200 to 201 and 8 more (11 places): base_wrench is missing or not finite",
-        "rows 7, 9 (2 places): first a gap of 7.000 s before this row",
+        "rows 7, 9, 8 (3 places); the largest, row 9: a gap of 9.000 s before this row",
     )
+
+
+def test_of_what_has_no_size_the_first_is_an_example() -> None:
+    cells = [Problem(i, i + 1, "bad_row", f"q: expected numbers, got '{i}'") for i in (3, 4)]
+    assert problem_lines(cells) == ("rows 3, 4 (2 places); the first: q: expected numbers, got '3'",)
 
 
 def test_a_single_problem_is_said_as_before() -> None:

@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from contactsense import JointTorqueSensor, Localizer, Sample, Scene, WrenchSensor
+from contactsense import JointTorqueSensor, LinkWrenchSensor, Localizer, Sample, Scene, WrenchSensor
+from contactsense.robots.tool import Tool
 from contactsense.runtime.wrench_map import WrenchMap
 from contactsense.service.recordings import (
     ColumnMapping,
@@ -239,6 +240,18 @@ def test_sensors_that_the_file_lacks_are_named(tmp_path: Path) -> None:
     only_motion = {name: v for name, v in found.items() if not name.startswith("joint_torque")}
     with pytest.raises(RecordingError, match="got neither"):
         read(as_parquet(tmp_path, only_motion), SCENE)
+
+
+@pytest.mark.parametrize("field", ["base_wrench", "wrist_wrench", "link_wrenches.elbow"])
+def test_columns_of_a_sensor_that_are_named_must_be_there(tmp_path: Path, field: str) -> None:
+    """Without the sensor the contacts would be others: a typing error must not leave it out."""
+    elbow = LinkWrenchSensor(name="elbow", link="forearm")
+    tool = Tool(mass=1.0)
+    scene = Scene(robot="ur5e", tool=tool, wrist_wrench=WrenchSensor(), link_wrenches=(elbow,))
+    path = as_parquet(tmp_path, columns())
+    assert read(path, scene).base_wrench is not None
+    with pytest.raises(RecordingError, match=f"{field}: expected a column ft_0, found timestamp"):
+        read(path, scene, f"{field}=ft")
 
 
 @pytest.mark.parametrize("size", [37, 10_000])

@@ -27,7 +27,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
     (folder / "scene.yaml").write_text("robot: ur5e\n")
     arguments = ["view", str(folder / "demo.parquet"), "--scene", str(folder / "scene.yaml"), "--port", "0"]
     process = subprocess.Popen(
-        [sys.executable, "-P", "-m", "contactsense.service", *arguments], stdout=subprocess.PIPE, text=True
+        [sys.executable, "-P", "-m", "contactsense", *arguments], stdout=subprocess.PIPE, text=True
     )
     try:
         assert process.stdout is not None

@@ -1,4 +1,4 @@
-"""`python -m contactsense.service` is `contactsense`."""
+"""`python -m contactsense` is the command `contactsense`."""
 
 from contactsense.service.cli.main import main
 
