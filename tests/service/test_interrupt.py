@@ -42,7 +42,8 @@ def test_a_decomposition_ends_with_its_workers(tmp_path: Path, number: signal.Si
     finally:
         if command.poll() is None:
             os.killpg(command.pid, signal.SIGKILL)
-    assert command.returncode == 1
+    # CPython ends by SIGINT itself, whoever has caught the exception, if it came within exec("...").
+    assert command.returncode in (1, -signal.SIGINT)
     assert "contactsense: interrupted" in messages.decode().splitlines()
     assert "Traceback" not in messages.decode()
     assert not out.exists()
