@@ -101,9 +101,11 @@ def several(
     if as_json:
         click.echo(json.dumps(results, indent=1))
     elif speeds and truth is None:
-        _print_streams(results, f"{force:g} N, cone, different links")
+        _print_streams(results, f"{force:g} N in the friction cone, different links")
     else:
-        subtitle = "pairs of the moving truth" if truth else f"{force:g} N, cone, {links} links"
+        subtitle = (
+            "pairs of the moving truth" if truth else f"{force:g} N in the friction cone, {links} links"
+        )
         _print(results, subtitle)
 
 

@@ -183,10 +183,10 @@ def candidate_clearance(
         if p == candidates.primitive[row]:
             continue
         above = _free_height(surfaces, p, link, prior.clearance)
-        own = _clearance_from(surfaces, deviations, candidates, p, above, place, normal, reach)
-        if own < reach:
+        free = _clearance_from(surfaces, deviations, candidates, p, above, place, normal, reach)
+        if free < reach:
             candidates.near[near] = p
-            distance = min(distance, own)
+            distance = min(distance, free)
             near += 1
     return distance, max_deviation, v11, v12, v22, near
 

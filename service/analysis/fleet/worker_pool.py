@@ -109,8 +109,10 @@ def _on_processes(
     function: Callable[[Any], Any], tasks: Sequence[Any], count: int
 ) -> Generator[tuple[Any, Any], None, None]:
     waiting, deaths = deque(range(len(tasks))), [0] * len(tasks)
-    workers = [_Worker(function) for _ in range(count)]
+    workers: list[_Worker] = []
     try:
+        # Within the block: an interrupt may come while they are started.
+        workers.extend(_Worker(function) for _ in range(count))
         while True:
             for i in range(count):
                 while workers[i].task is None and waiting:
