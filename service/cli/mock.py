@@ -8,6 +8,7 @@ import click
 import numpy as np
 
 from contactsense.scene import Scene, SceneError
+from contactsense.service.live.scheduling import prefer_low_latency
 from contactsense.service.mock.cell import Cell
 from contactsense.service.mock.live_servers import InterfacePorts, LiveServers
 from contactsense.service.mock.robot_controller import RobotController
@@ -149,6 +150,7 @@ def _run(
     over = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: over.set())
+    prefer_low_latency()  # a pause of this process would be a burst on all its wires
     try:
         servers = LiveServers(robot, settings, ports)
     except OSError as error:
