@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from contactsense.multi_contact.buffers import MAX_CONTACTS
+from contactsense.multi_contact.set_reduction import merge_overlapping_sets
 from contactsense.output.estimate_builder import EstimateBuilder
 from contactsense.output.fast_dataclass import mutable_twin
 from contactsense.robots.jit.kernel import kernel
@@ -37,6 +38,7 @@ class ContactSetBuilder:
         self._clear = scene.clear
         # Compiled before the first sample that several contacts explain.
         no_sets = np.zeros((0, WIDTH)), np.zeros(0, dtype=np.int64), np.zeros(0)
+        merge_overlapping_sets(*no_sets[:2])
         state_marginal_probabilities(*no_sets, np.zeros(len(self._names)))
 
     def sets(
@@ -73,7 +75,8 @@ class ContactSetBuilder:
             return self._estimate_builder.without_contacts(
                 t, "degraded" if reason else "ambiguous", f"{reason}; {why}".strip("; ")
             )
-        stated, probability = rows.copy(), np.empty(len(counts))
+        stated, counts = merge_overlapping_sets(rows, counts)
+        probability = np.empty(len(counts))
         link_probability = np.zeros(len(self._names))
         state_marginal_probabilities(stated, counts, probability, link_probability)
         probabilities: list[float] = probability.tolist()

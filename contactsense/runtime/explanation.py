@@ -8,6 +8,7 @@ from contactsense.detection.thresholds import Usable
 from contactsense.isolation.link_hypotheses import isolate
 from contactsense.kinematics.momenta import kinematics_and_momenta
 from contactsense.kinematics.spatial import dot6
+from contactsense.localization.mixture_reduction import merge_overlapping
 from contactsense.localization.ranking import locate_contacts
 from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
 from contactsense.residuals.joint_friction import unmodelled_torque_std
@@ -195,5 +196,6 @@ def explain_sample(
         arrays,
         state.link_probability,
     )
+    count = merge_overlapping(constants.surfaces, state.candidates, count)
     listed: int = write_candidates(constants, state, Grids(*skin), min(count, rows.shape[0]), rows)
     return listed, no_contact_energy
