@@ -25,7 +25,7 @@ from contactsense.robots.surface.union import distances
 from contactsense.service.analysis.contact_history import ContactHistory
 from contactsense.service.analysis.place_search import LinkMeasurement
 from contactsense.service.analysis.summarize import Summarizer
-from contactsense.solvers.posterior import Prior
+from contactsense.solvers.posterior.contact_prior import Prior
 
 
 @dataclass(frozen=True)

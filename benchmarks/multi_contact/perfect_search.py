@@ -26,7 +26,7 @@ from contactsense.runtime.constants import build_constants
 from contactsense.runtime.kernels import AT_REST, EXTERNAL, process
 from contactsense.runtime.skin_grids import skin_argument
 from contactsense.runtime.state import empty_state
-from contactsense.solvers.posterior import pushing_force
+from contactsense.solvers.posterior.contact_prior import pushing_force
 
 MAX_RESTARTS = 10
 """Maximum number of restarts of the optimization from where it stopped, so that its step limit does not

@@ -9,10 +9,10 @@ from numba import njit
 from contactsense.benchmarks.solvers.sampling import Contacts, press, unit
 from contactsense.robots.vectors import vector
 from contactsense.solvers import Paraboloid, Superquadric, Surface
-from contactsense.solvers.general import solve_smooth_counted
-from contactsense.solvers.implicit_surfaces import Size, evaluate
-from contactsense.solvers.level_set import SmoothBody
-from contactsense.solvers.surface import Problem
+from contactsense.solvers.bodies.surface import Problem
+from contactsense.solvers.general_convex.general import solve_smooth_counted
+from contactsense.solvers.general_convex.implicit_surfaces import Size, evaluate
+from contactsense.solvers.general_convex.level_set import SmoothBody
 from contactsense.solvers.wrench import Wrench
 
 

@@ -28,10 +28,10 @@ from contactsense.solvers import (
     Surface,
     TaperedCapsule,
 )
-from contactsense.solvers.gradient_descent import descend
+from contactsense.solvers.bodies.surface import Problem
+from contactsense.solvers.general_convex.gradient_descent import descend
 from contactsense.solvers.solve_wrench import problem_of
 from contactsense.solvers.solver_batch import compiled_rows
-from contactsense.solvers.surface import Problem
 from contactsense.solvers.wrench import Wrench, wrench_of
 
 _ROUNDS = 12

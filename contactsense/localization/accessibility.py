@@ -23,7 +23,7 @@ from contactsense.localization.simd_neighbourhood import (
 from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces, out_of_reach, project
 from contactsense.robots.vectors import Vector, add_scaled, dot, scale, tangents, vector
-from contactsense.solvers.posterior import Prior
+from contactsense.solvers.posterior.contact_prior import Prior
 
 CLEARANCE_SIGMAS = 3.9
 """A place is fully accessible if its clearance exceeds this many standard deviations.

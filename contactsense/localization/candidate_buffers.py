@@ -9,7 +9,7 @@ from contactsense.localization.simd_neighbourhood import LENGTH as POINTS_LENGTH
 from contactsense.robots.jit.declaration import Floats, Integers
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.vectors import add, dot, rotate, vector
-from contactsense.solvers.posterior_mode import Mode
+from contactsense.solvers.posterior.mode import Mode
 
 MAX_CANDIDATES = 8
 """Number of candidates that the search over the surface returns at most."""

@@ -9,7 +9,7 @@ from contactsense.kinematics.logarithm import logarithm
 from contactsense.localization.simd_layout import BOUND, NX, NY, NZ, SPREAD, X, Y, Z
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
-from contactsense.solvers.posterior import STUDENT_DOF
+from contactsense.solvers.posterior.contact_prior import STUDENT_DOF
 
 FORCE_SIGMAS = 3.0
 """The force may exceed the measured one by this many standard deviations."""

@@ -7,7 +7,7 @@ import numpy as np
 from contactsense.localization.laplace_evidence import find_modes
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.vectors import Vector, dot, vector
-from contactsense.solvers.posterior import Prior
+from contactsense.solvers.posterior.contact_prior import Prior
 
 from contactsense.localization.simd_layout import (  # isort: skip
     CHI, FX, FY, FZ, NX, NY, NZ, SPREAD, X, Y, Z,

@@ -14,14 +14,14 @@ from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.convex_primitives import ELLIPSOID, REVOLVED, Surfaces
 from contactsense.robots.surface.union import nearest
 from contactsense.robots.vectors import Vector, cross, dot, vector
-from contactsense.solvers.packed_primitive import solve_primitive
-from contactsense.solvers.solution import OK, Answer, placed
-from contactsense.solvers.wrench import Wrench, in_frame
-from contactsense.solvers.wrench_axis import (
+from contactsense.solvers.closed_form.packed_primitive import solve_primitive
+from contactsense.solvers.closed_form.wrench_axis import (
     wrench_axis_box,
     wrench_axis_ellipsoid,
     wrench_axis_revolved,
 )
+from contactsense.solvers.solution import OK, Answer, placed
+from contactsense.solvers.wrench import Wrench, in_frame
 
 MAX_DEPTH = 1e-6
 """A contact deeper inside another primitive of its link is rejected [m]."""

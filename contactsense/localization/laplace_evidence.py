@@ -24,7 +24,7 @@ import math
 import numpy as np
 
 from contactsense.robots.jit.lanes import HALF
-from contactsense.solvers.posterior import STUDENT_DOF, Prior
+from contactsense.solvers.posterior.contact_prior import STUDENT_DOF, Prior
 
 from contactsense.localization.simd_layout import (  # isort: skip
     A00, A01, A02, A03, A04, A05, A11, A12, A13, A14, A15, A22, A23, A24, A25, A33, A34, A35, A44, A45,

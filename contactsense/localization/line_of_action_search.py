@@ -25,10 +25,10 @@ from contactsense.localization.mean_surface import entered_cell, mean_frame
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.convex_primitives import Surfaces
-from contactsense.solvers.line_of_action import enter_surfaces
-from contactsense.solvers.posterior import Contact, Prior, SearchBuffers, pushing_force
-from contactsense.solvers.posterior_block import CX, CY, CZ, GAP, NX, NY, NZ, SEARCH, W0, W1, W2
-from contactsense.solvers.posterior_mode import (
+from contactsense.solvers.posterior.block import CX, CY, CZ, GAP, NX, NY, NZ, SEARCH, W0, W1, W2
+from contactsense.solvers.posterior.contact_prior import Contact, Prior, SearchBuffers, pushing_force
+from contactsense.solvers.posterior.line_of_action import enter_surfaces
+from contactsense.solvers.posterior.mode import (
     CONVERGED,
     ENERGY_CUTOFF,
     ENERGY_TOLERANCE,
@@ -38,7 +38,7 @@ from contactsense.solvers.posterior_mode import (
     mode_of,
     resume_searches,
 )
-from contactsense.solvers.simd_posterior import (
+from contactsense.solvers.posterior.simd import (
     load_frame,
     load_primitive,
     load_prior,

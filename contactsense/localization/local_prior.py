@@ -12,7 +12,7 @@ import numpy as np
 
 from contactsense.robots.jit.declaration import Floats, Integers
 from contactsense.robots.jit.kernel import fused_kernel
-from contactsense.solvers.posterior import Prior
+from contactsense.solvers.posterior.contact_prior import Prior
 
 TILT_LENGTH = 0.0035
 """Ratio of the real surface's offset from a primitive to its tilt [m], where no cell has measured the tilt.

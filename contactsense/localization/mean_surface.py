@@ -19,7 +19,7 @@ from contactsense.localization.surface_samples import SurfaceSamples, SurfaceSub
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.vectors import cross, divide, dot, norm, subtract, vector
-from contactsense.solvers.posterior import STUDENT_DOF
+from contactsense.solvers.posterior.contact_prior import STUDENT_DOF
 
 CELL_SPREAD = 0.0081
 """Standard deviation of places in a cell along each tangent [m]: a square of 28 mm, see
@@ -34,7 +34,7 @@ def entered_cell(cells: DeviationCells, p: int, w: np.ndarray, friction_ratio: f
     """Cell of primitive p in which the line of action most probably enters the mean surface.
 
     The place is normally distributed about the cell's centre; the force is inclined as
-    `contactsense.solvers.posterior` assumes, with the tilt that remains.
+    `contactsense.solvers.posterior.contact_prior` assumes, with the tilt that remains.
 
     Args:
         cells: The cells; the primitive has some.

@@ -17,8 +17,8 @@ from contactsense.kinematics.linalg.ldl import ldl_solve
 from contactsense.kinematics.model import Motion
 from contactsense.robots.jit.declaration import Floats
 from contactsense.robots.jit.kernel import fused_kernel
-from contactsense.solvers.posterior import Prior, SearchBuffers
-from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
+from contactsense.solvers.posterior.contact_prior import Prior, SearchBuffers
+from contactsense.solvers.posterior.mode import ENERGY_CUTOFF
 
 NONE_OF_THESE_PROBABILITY = 0.01
 """Prior probability of a wrench that may be anything."""

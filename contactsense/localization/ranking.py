@@ -1,11 +1,11 @@
 """Ranking of all candidate contacts: link and place are decided together, "none of these" included.
 
-If the fused wrench determines a line of action, the search on each primitive starts where the line enters
-it (`contactsense.localization.line_of_action_search`). Otherwise the whole surface is searched
-(`contactsense.localization.surface_search`). The candidates on all links compete by log evidence: fit of
-the torques and of the base wrench, prior of force and torsion, and the width of the posterior
-(`contactsense.solvers.posterior_equations`). So does "none of these": a wrench that is not caused by a
-single push on a touchable link, but by a pull, a couple, several contacts, or a touch on a link that the
+If the fused wrench determines a line of action, the search on each primitive starts where the line enters it
+(`contactsense.localization.line_of_action_search`). Otherwise the whole surface is searched
+(`contactsense.localization.surface_search`). The candidates on all links compete by log evidence: fit of the
+torques and of the base wrench, prior of force and torsion, and the width of the posterior
+(`contactsense.solvers.posterior.equations`). So does "none of these": a wrench that is not caused
+by a single push on a touchable link, but by a pull, a couple, several contacts, or a touch on a link that the
 scene leaves out.
 """
 
@@ -27,8 +27,8 @@ from contactsense.localization.surface_search import search_surface
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.vectors import add, vector
-from contactsense.solvers.posterior import Prior
-from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
+from contactsense.solvers.posterior.contact_prior import Prior
+from contactsense.solvers.posterior.mode import ENERGY_CUTOFF
 
 LINE_OF_ACTION_DEVIATION = 0.008
 """The line of action counts as known if its position has a smaller standard deviation than this [m]."""

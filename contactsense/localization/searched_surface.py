@@ -11,7 +11,7 @@ from contactsense.localization.surface_blocks import SurfaceBlocks
 from contactsense.localization.surface_cells import SurfaceCells
 from contactsense.localization.surface_samples import SurfaceSamples, SurfaceSubsamples
 from contactsense.robots.surface.convex_primitives import Surfaces
-from contactsense.solvers.posterior import SearchBuffers
+from contactsense.solvers.posterior.contact_prior import SearchBuffers
 
 
 class SearchedSurface(NamedTuple):

@@ -17,7 +17,7 @@ from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
 from contactsense.robots.surface.convex_primitives import REVOLVED, Surfaces, project
 from contactsense.robots.surface.simd_revolved import profile, project_revolved
 from contactsense.robots.vectors import Vector, add, add_scaled, subtract, vector
-from contactsense.solvers.posterior import STUDENT_DOF
+from contactsense.solvers.posterior.contact_prior import STUDENT_DOF
 
 QUADRATURE_RINGS = ((0.91195, 0.71109 / 6), (2.14213, 0.27852 / 6), (3.54680, 0.010389 / 6))
 """Radii (in standard deviations) and weights of a quadrature for a normal distribution on a plane.

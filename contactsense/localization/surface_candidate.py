@@ -27,8 +27,8 @@ from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces, project
 from contactsense.robots.surface.union import nearest
 from contactsense.robots.vectors import Vector, add, dot, rotate, rotate_back, subtract, vector
-from contactsense.solvers.posterior import Contact, Prior, pushing_force
-from contactsense.solvers.posterior_mode import find_posterior_mode
+from contactsense.solvers.posterior.contact_prior import Contact, Prior, pushing_force
+from contactsense.solvers.posterior.mode import find_posterior_mode
 
 MERGE_DISTANCE = 0.04
 """Cells within this distance of a candidate's point belong to the candidate [m]."""

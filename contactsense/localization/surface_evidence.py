@@ -34,8 +34,8 @@ from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.vectors import dot
-from contactsense.solvers.posterior import Prior
-from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
+from contactsense.solvers.posterior.contact_prior import Prior
+from contactsense.solvers.posterior.mode import ENERGY_CUTOFF
 
 from contactsense.localization.simd_layout import (  # isort: skip
     BOUND, CHI, ENERGY, FX, FY, FZ, LOG_EVIDENCE, NX, NY, NZ, PX, PY, PZ, SPREAD, VARIANCE, X, Y, Z,

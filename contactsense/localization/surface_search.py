@@ -20,8 +20,8 @@ from contactsense.localization.surface_evidence import evaluate_cells
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.vectors import add, rotate, vector
-from contactsense.solvers.posterior import Prior
-from contactsense.solvers.posterior_mode import ENERGY_CUTOFF, ENERGY_TOLERANCE, RELATIVE_TOLERANCE
+from contactsense.solvers.posterior.contact_prior import Prior
+from contactsense.solvers.posterior.mode import ENERGY_CUTOFF, ENERGY_TOLERANCE, RELATIVE_TOLERANCE
 
 WIDE_POSTERIOR_TOLERANCE = 0.05
 """Tolerance of the energy of the modes of a wide posterior, one whose cells are not divided: the place of a

@@ -43,7 +43,7 @@ from contactsense.multi_contact.set_evidence import add_accessibility, fill_set_
 from contactsense.multi_contact.summed_pairs import store_summed_pairs
 from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
 from contactsense.robots.jit.lanes import LANES
-from contactsense.solvers.posterior import Prior
+from contactsense.solvers.posterior.contact_prior import Prior
 
 MIN_ENERGY = 8.0
 """Further contacts are searched only if the lowest energy so far exceeds this."""

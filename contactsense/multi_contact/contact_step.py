@@ -13,7 +13,7 @@ from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.convex_primitives import Surfaces, project
 from contactsense.robots.vectors import Vector, rotate_back, subtract, tangents, vector
-from contactsense.solvers.posterior import Prior, pushing_force
+from contactsense.solvers.posterior.contact_prior import Prior, pushing_force
 
 from contactsense.multi_contact.joint_layout import (  # isort: skip
     BNX, BNY, BNZ, BX, BY, BZ, D0, D1, D2, D3, D4, D5, D6, ENERGY, EXTENT, FORCE_PRIOR, FRICTION_RATIO, FX,

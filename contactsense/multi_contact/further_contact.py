@@ -15,7 +15,7 @@ from contactsense.localization.searched_surface import SearchArrays, SearchedSur
 from contactsense.multi_contact.buffers import MeasurementRows, SeedingBuffers
 from contactsense.multi_contact.link_information import fill_link_information
 from contactsense.robots.jit.kernel import fused_kernel
-from contactsense.solvers.posterior import Prior
+from contactsense.solvers.posterior.contact_prior import Prior
 
 MIN_CANDIDATE_PROBABILITY = 1e-3
 """Candidates less probable than this are dropped."""

@@ -27,7 +27,7 @@ from contactsense.multi_contact.sample_likelihood import initial_forces
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.vectors import dot
-from contactsense.solvers.posterior import Prior, pushing_force
+from contactsense.solvers.posterior.contact_prior import Prior, pushing_force
 
 
 @fused_kernel

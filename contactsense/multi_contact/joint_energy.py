@@ -1,6 +1,6 @@
 """Energy of several simultaneous contacts: points, forces and torsions; its gradient and Gauss-Newton matrix.
 
-The energy is that of `contactsense.solvers.posterior`, with one measurement for all contacts:
+The energy is that of `contactsense.solvers.posterior.contact_prior`, with one measurement for all contacts:
 
     E = 1/2 |y - sum_i A_i w_i|^2 + sum_i [ priors of force, friction ratio, torsion and surface offset ]
         + 1/2 |U (z - z0)|^2
@@ -26,7 +26,7 @@ from contactsense.multi_contact.known_rows import KnownRows, add_known_informati
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.convex_primitives import Surfaces, curvature
-from contactsense.solvers.posterior import STUDENT_DOF, Prior
+from contactsense.solvers.posterior.contact_prior import STUDENT_DOF, Prior
 
 from contactsense.multi_contact.joint_layout import (  # isort: skip
     ACTIVE, BNX, BNY, BNZ, BX, BY, BZ, ENERGY, EXTENT, FORCE_PRIOR, FRICTION_RATIO, FX, FY, FZ, JACOBIAN,

@@ -46,7 +46,7 @@ from contactsense.multi_contact.known_rows import KnownRows
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.convex_primitives import Surfaces
-from contactsense.solvers.posterior import Prior
+from contactsense.solvers.posterior.contact_prior import Prior
 
 MAX_ITERATIONS = 8
 """Maximum number of Gauss-Newton steps."""

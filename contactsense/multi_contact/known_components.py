@@ -28,7 +28,7 @@ from contactsense.multi_contact.pooled_places import bilinear_form
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.vectors import Vector, add_scaled, cross, rotate_back, subtract, vector
-from contactsense.solvers.posterior import Prior, pushing_force
+from contactsense.solvers.posterior.contact_prior import Prior, pushing_force
 
 from contactsense.multi_contact.joint_layout import (  # isort: skip
     ACTIVE, EXTENT, FX, LOG_EVIDENCE, NX, OFFSET, PX, SX, TILT, TORSION, TX,

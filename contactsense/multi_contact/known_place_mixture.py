@@ -33,7 +33,7 @@ from contactsense.multi_contact.ranked_sets import order_distinct, store_explana
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.vectors import Vector, dot, subtract, vector
-from contactsense.solvers.posterior import Prior, pushing_force
+from contactsense.solvers.posterior.contact_prior import Prior, pushing_force
 
 from contactsense.multi_contact.joint_layout import (  # isort: skip
     EXTENT, FORCE_PRIOR, FX, LOG_EVIDENCE, NX, OX, R00, TILT, TORSION,

@@ -52,7 +52,7 @@ from contactsense.multi_contact.known_rows import Change, KnownRows, unknown_of_
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.vectors import Vector, dot
-from contactsense.solvers.posterior import Prior
+from contactsense.solvers.posterior.contact_prior import Prior
 
 MIN_POINT_DEVIATION = 1e-4
 """Lower bound of the standard deviation of a known point [m]."""

@@ -26,7 +26,7 @@ from contactsense.multi_contact.buffers import Explanations
 from contactsense.multi_contact.ranked_sets import order_distinct
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.runtime.candidate_rows import MIN_PROBABILITY
-from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
+from contactsense.solvers.posterior.mode import ENERGY_CUTOFF
 
 SUM_WEIGHT = 0.6
 """Weight w of the sum."""

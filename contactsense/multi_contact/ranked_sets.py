@@ -25,7 +25,7 @@ from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.vectors import dot
 from contactsense.runtime.candidate_rows import MIN_PROBABILITY
-from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
+from contactsense.solvers.posterior.mode import ENERGY_CUTOFF
 
 LARGEST_UNLISTED = 20.0
 """Upper bound of the log odds of what is not among the explanations."""

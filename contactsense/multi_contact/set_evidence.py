@@ -10,7 +10,7 @@ from contactsense.multi_contact.joint_optimization import find_joint_modes
 from contactsense.multi_contact.known_rows import KnownRows
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
-from contactsense.solvers.posterior import STUDENT_DOF, Prior
+from contactsense.solvers.posterior.contact_prior import STUDENT_DOF, Prior
 
 FURTHER_CONTACT_ODDS = 0.02
 """Prior odds of one more contact."""

@@ -27,7 +27,7 @@ from contactsense.runtime.reading_limits import ReadingLimits, reading_limits
 from contactsense.runtime.scene_surfaces import scene_surfaces, touchable_links
 from contactsense.scene import Scene
 from contactsense.sensors.settings import JointTorqueSensor, WrenchSensor, per_joint
-from contactsense.solvers.posterior import Prior
+from contactsense.solvers.posterior.contact_prior import Prior
 
 
 class Constants(NamedTuple):

@@ -21,7 +21,7 @@ from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.runtime.answer import Answer
 from contactsense.runtime.constants import Constants, sizes_of
 from contactsense.sensors.stream_state import StreamState
-from contactsense.solvers.posterior import SearchBuffers
+from contactsense.solvers.posterior.contact_prior import SearchBuffers
 from contactsense.tracking.contact_tracker import ContactTrack
 
 

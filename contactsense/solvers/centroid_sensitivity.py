@@ -7,8 +7,8 @@ from scipy.special import ndtr
 
 from contactsense.robots.rotations import cross_matrix
 from contactsense.robots.vectors import tangents
+from contactsense.solvers.bodies.surface import Surface
 from contactsense.solvers.solve_wrench import Solution, solve_wrench
-from contactsense.solvers.surface import Surface
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -4,9 +4,9 @@ from typing import overload
 
 from numpy.typing import ArrayLike
 
-from contactsense.solvers.most_probable import ContactPrior, ProbableContact, most_probable_contact
+from contactsense.solvers.bodies.surface import Surface
+from contactsense.solvers.posterior.most_probable import ContactPrior, ProbableContact, most_probable_contact
 from contactsense.solvers.solve_wrench import Method, Solution, solve_wrench
-from contactsense.solvers.surface import Surface
 
 
 @overload

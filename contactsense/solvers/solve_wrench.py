@@ -6,10 +6,10 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from contactsense.solvers.paper_surfaces import Placed
+from contactsense.solvers.bodies.paper_surfaces import Placed
+from contactsense.solvers.bodies.surface import EqualByFields, Problem, Surface, vectors
 from contactsense.solvers.solution import Status
 from contactsense.solvers.solver_batch import solve_rows
-from contactsense.solvers.surface import EqualByFields, Problem, Surface, vectors
 from contactsense.solvers.units import is_pure_force
 from contactsense.solvers.wrench import wrench_of
 

@@ -7,8 +7,8 @@ import numpy as np
 from numba import njit
 
 from contactsense.robots.jit.kernel import in_cache, kernel, with_names
-from contactsense.solvers.plane import solve_plane
-from contactsense.solvers.surface import Kernel
+from contactsense.solvers.bodies.surface import Kernel
+from contactsense.solvers.closed_form.plane import solve_plane
 from contactsense.solvers.wrench import Wrench
 
 

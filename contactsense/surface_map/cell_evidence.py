@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contactsense.solvers.posterior import STUDENT_DOF, Prior
+from contactsense.solvers.posterior.contact_prior import STUDENT_DOF, Prior
 from contactsense.surface_map.place_error import place_covariance, place_gain, push_jacobian, step_jacobian
 from contactsense.surface_map.places import Places
 

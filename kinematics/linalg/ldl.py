@@ -1,5 +1,5 @@
-"""Six linear equations by L D L^T, for the Newton step of `contactsense.solvers.posterior_mode`; and the
-inverse of a covariance."""
+"""Six linear equations by L D L^T, for the Newton step of `contactsense.solvers.posterior.mode`;
+and the inverse of a covariance."""
 
 import math
 

@@ -17,7 +17,7 @@ from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.surface.union import distances
 from contactsense.robots.vectors import vector
-from contactsense.solvers.posterior import Prior
+from contactsense.solvers.posterior.contact_prior import Prior
 
 
 class BodyFrames(NamedTuple):

@@ -3,8 +3,8 @@
 In each window the force f and the torsion xi are free; the path of the place (one knot: a fixed place), the
 offset h of the real surface at its knots and the biases b of the sensors are shared.
 `contactsense.service.analysis.path_elimination` eliminates force and torsion; Gauss-Newton runs on what is
-shared. The priors are those of `contactsense.solvers.posterior`; those of lean and torsion count once
-for the whole contact, as what a contact patch does in one window it does in the next.
+shared. The priors are those of `contactsense.solvers.posterior.contact_prior`; those of lean and torsion
+count once for the whole contact, as what a contact patch does in one window it does in the next.
 """
 
 import math
@@ -15,7 +15,7 @@ import numpy as np
 
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.service.analysis.path_elimination import eliminate_forces, project_knots
-from contactsense.solvers.posterior import STUDENT_DOF, Prior
+from contactsense.solvers.posterior.contact_prior import STUDENT_DOF, Prior
 
 ITERATIONS = 25
 """Maximum number of steps of a search."""

@@ -19,8 +19,8 @@ from contactsense.robots.surface.convex_primitives import project
 from contactsense.robots.vectors import tangents
 from contactsense.runtime.constants import Constants, build_constants
 from contactsense.runtime.state import State, empty_state
-from contactsense.solvers.posterior import STUDENT_DOF, Contact
-from contactsense.solvers.posterior_mode import Mode
+from contactsense.solvers.posterior.contact_prior import STUDENT_DOF, Contact
+from contactsense.solvers.posterior.mode import Mode
 
 TRIALS = 4000
 

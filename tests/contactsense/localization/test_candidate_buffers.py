@@ -9,8 +9,8 @@ from contactsense.localization.local_prior import MAX_TILT, TILT_LENGTH, tilt_in
 from contactsense.robots.vectors import tangents
 from contactsense.runtime.constants import build_constants
 from contactsense.runtime.state import empty_state
-from contactsense.solvers.posterior import Contact
-from contactsense.solvers.posterior_mode import Mode
+from contactsense.solvers.posterior.contact_prior import Contact
+from contactsense.solvers.posterior.mode import Mode
 
 
 @pytest.mark.parametrize("torsion", [0.0, 0.08, -0.3])

@@ -9,7 +9,7 @@ from contactsense.localization.energy_bound import FORCE_SIGMAS, PULL_SHARE, exc
 from contactsense.localization.laplace_evidence import find_modes
 from contactsense.localization.simd_layout import BOUND, ENERGY, LENGTH, NX, SPREAD, X
 from contactsense.robots.jit.lanes import LANES
-from contactsense.solvers.posterior import Prior
+from contactsense.solvers.posterior.contact_prior import Prior
 
 LEVER = 0.003
 

@@ -8,7 +8,7 @@ from scipy.optimize import minimize
 
 from contactsense.localization.force_at_place import FIXED_SPREAD, force_at_place, forces_at_places
 from contactsense.localization.simd_layout import LENGTH
-from contactsense.solvers.posterior import STUDENT_DOF, Prior
+from contactsense.solvers.posterior.contact_prior import STUDENT_DOF, Prior
 
 PRIOR = Prior(
     friction_ratio=0.25,

@@ -9,8 +9,8 @@ from contactsense.kinematics.wrench_information import to_body_frame
 from contactsense.localization.laplace_evidence import find_modes
 from contactsense.localization.surface_evidence import SUBDIVIDE_WITHIN
 from contactsense.robots.jit.lanes import LANES
-from contactsense.solvers.posterior import STUDENT_DOF, Prior
-from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
+from contactsense.solvers.posterior.contact_prior import STUDENT_DOF, Prior
+from contactsense.solvers.posterior.mode import ENERGY_CUTOFF
 
 from contactsense.localization.simd_layout import (  # isort: skip
     A00, A55, ENERGY, FX, FY, FZ, LENGTH, LOG_EVIDENCE, NX, PX, PY, PZ, SPREAD, T1X, T2X, VARIANCE, W0, W5, X,

@@ -13,8 +13,8 @@ from contactsense.localization.candidate_buffers import store_candidate
 from contactsense.localization.line_of_action_search import search_along_line_of_action
 from contactsense.localization.local_prior import tilt_in_cell
 from contactsense.robots.vectors import vector
-from contactsense.solvers.posterior import Contact, pushing_force
-from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
+from contactsense.solvers.posterior.contact_prior import Contact, pushing_force
+from contactsense.solvers.posterior.mode import ENERGY_CUTOFF
 from contactsense.solvers.wrench import Wrench
 from tests.contactsense.solvers.one_lane import enter_surface, posterior_mode
 from tests.plain_arm import contacts, plain_ur5e

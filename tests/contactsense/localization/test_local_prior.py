@@ -10,7 +10,7 @@ from contactsense.robots.surface.convex_primitives import project
 from contactsense.runtime.constants import build_constants
 from contactsense.runtime.deviation_cells import LEAST_OFFSET, LONG_TAILS, deviation_cells
 from contactsense.runtime.scene_surfaces import scene_surfaces
-from contactsense.solvers.posterior import Prior
+from contactsense.solvers.posterior.contact_prior import Prior
 
 
 @kernel

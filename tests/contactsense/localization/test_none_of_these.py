@@ -17,8 +17,8 @@ from contactsense.localization.none_of_these import (
     none_of_these_evidence,
 )
 from contactsense.robots.jit.flat_buffers import zeros
-from contactsense.solvers.posterior import Prior, SearchBuffers
-from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
+from contactsense.solvers.posterior.contact_prior import Prior, SearchBuffers
+from contactsense.solvers.posterior.mode import ENERGY_CUTOFF
 
 LINKS = 3
 PRIOR = Prior(

@@ -11,7 +11,7 @@ from contactsense.localization.searched_surface import SearchArrays, SearchedSur
 from contactsense.localization.surface_evidence import evaluate_cells
 from contactsense.robots.surface.convex_primitives import pack
 from contactsense.robots.surface.union import distances
-from contactsense.solvers.posterior_mode import ENERGY_CUTOFF
+from contactsense.solvers.posterior.mode import ENERGY_CUTOFF
 from tests.plain_arm import contacts, plain_ur5e
 
 ARM = plain_ur5e()

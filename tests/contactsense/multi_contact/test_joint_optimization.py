@@ -32,7 +32,7 @@ from contactsense.multi_contact.joint_layout import (
 from contactsense.multi_contact.known_rows import KnownRows
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.convex_primitives import project
-from contactsense.solvers.posterior import STUDENT_DOF
+from contactsense.solvers.posterior.contact_prior import STUDENT_DOF
 from tests.contactsense.multi_contact.smooth_arm import SCENE, SHAPES, Case, empty_case, take
 
 NOTHING_KNOWN = KnownRows(0, 0)

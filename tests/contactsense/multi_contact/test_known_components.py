@@ -14,7 +14,7 @@ from contactsense.multi_contact.known_components import COMPONENT_WIDTH, COMPONE
 from contactsense.multi_contact.known_prior import fill_known_prior
 from contactsense.multi_contact.known_rows import Change
 from contactsense.robots.jit.lanes import LANES
-from contactsense.solvers.posterior import STUDENT_DOF, Prior
+from contactsense.solvers.posterior.contact_prior import STUDENT_DOF, Prior
 from tests.contactsense.multi_contact.smooth_arm import Case, draw_known, empty_case
 
 ALONG, ACROSS = 0.02, 0.01

@@ -24,7 +24,7 @@ from contactsense.solvers import (
     Surface,
     TaperedCapsule,
 )
-from contactsense.solvers.implicit_surfaces import evaluate
+from contactsense.solvers.general_convex.implicit_surfaces import evaluate
 
 Sampler: TypeAlias = Callable[..., tuple[np.ndarray, np.ndarray]]
 F = TypeVar("F", bound=Sampler)

@@ -5,11 +5,11 @@ import numpy as np
 from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.robots.surface.convex_primitives import bounding_radius
 from contactsense.robots.vectors import Vector
-from contactsense.solvers.line_of_action import enter_surfaces
-from contactsense.solvers.posterior import Contact, Prior, SearchBuffers
-from contactsense.solvers.posterior_block import GAP
-from contactsense.solvers.posterior_mode import Mode, find_posterior_mode
-from contactsense.solvers.simd_posterior import contact_of, load_primitive, load_wrench
+from contactsense.solvers.posterior.block import GAP
+from contactsense.solvers.posterior.contact_prior import Contact, Prior, SearchBuffers
+from contactsense.solvers.posterior.line_of_action import enter_surfaces
+from contactsense.solvers.posterior.mode import Mode, find_posterior_mode
+from contactsense.solvers.posterior.simd import contact_of, load_primitive, load_wrench
 from contactsense.solvers.wrench import Wrench
 
 FIRST = np.zeros(1, dtype=np.int64)

@@ -18,9 +18,9 @@ from contactsense.solvers import (
     solve,
     solve_batch,
 )
-from contactsense.solvers.general import solve_smooth_counted
-from contactsense.solvers.implicit_surfaces import ELLIPSOID, evaluate
-from contactsense.solvers.level_set import SmoothBody
+from contactsense.solvers.general_convex.general import solve_smooth_counted
+from contactsense.solvers.general_convex.implicit_surfaces import ELLIPSOID, evaluate
+from contactsense.solvers.general_convex.level_set import SmoothBody
 from contactsense.solvers.wrench import wrench_of
 from tests.contactsense.solvers.contacts import draw, unit
 

@@ -26,7 +26,7 @@ from contactsense.solvers import (
     TaperedCapsule,
     solve,
 )
-from contactsense.solvers.posterior import STUDENT_DOF, Contact, Prior, pushing_force
+from contactsense.solvers.posterior.contact_prior import STUDENT_DOF, Contact, Prior, pushing_force
 from contactsense.solvers.wrench import wrench_of
 from tests.contactsense.solvers.one_lane import enter_surface, posterior_mode
 
@@ -131,7 +131,7 @@ def test_no_contact_nearby_is_more_probable(surface: Surface) -> None:
 
 
 def energy(contact: Any, w: np.ndarray, covariance: np.ndarray) -> float:
-    """The negative log posterior, written out (`contactsense.solvers.posterior`)."""
+    """The negative log posterior, written out (`contactsense.solvers.posterior.contact_prior`)."""
     e = np.concatenate((contact.force, contact.moment)) - w
     F = -contact.force @ contact.normal
     across = np.linalg.norm(contact.force + F * contact.normal)

@@ -8,9 +8,9 @@ from contactsense.kinematics.wrench_information import to_body_frame
 from contactsense.robots import Inertia, Link
 from contactsense.robots.primitives import Box, Capsule, Cylinder, Ellipsoid, Primitive, Sphere
 from contactsense.robots.surface.convex_primitives import pack, project
-from contactsense.solvers.posterior import STUDENT_DOF, Contact, Prior, pushing_force
-from contactsense.solvers.posterior_energy import energy_at, inflate_by_surface_deviation
-from contactsense.solvers.posterior_mode import ENERGY_CUTOFF, ENERGY_TOLERANCE, Mode
+from contactsense.solvers.posterior.contact_prior import STUDENT_DOF, Contact, Prior, pushing_force
+from contactsense.solvers.posterior.energy import energy_at, inflate_by_surface_deviation
+from contactsense.solvers.posterior.mode import ENERGY_CUTOFF, ENERGY_TOLERANCE, Mode
 from contactsense.solvers.wrench import wrench_of
 from tests.contactsense.solvers.one_lane import enter_surface, posterior_mode
 

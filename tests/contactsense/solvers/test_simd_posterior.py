@@ -12,10 +12,10 @@ from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.primitives import Box, Capsule, Cylinder, Ellipsoid, Primitive, Sphere
 from contactsense.robots.rotations import rotation_from_vector
 from contactsense.robots.surface.convex_primitives import body, bounding_radius, curvature
-from contactsense.solvers.line_of_action import enter_surfaces
-from contactsense.solvers.posterior import Contact, Prior, SearchBuffers, pushing_force
-from contactsense.solvers.posterior_energy import inflate_by_surface_deviation, linearize
-from contactsense.solvers.posterior_mode import (
+from contactsense.solvers.posterior.contact_prior import Contact, Prior, SearchBuffers, pushing_force
+from contactsense.solvers.posterior.energy import inflate_by_surface_deviation, linearize
+from contactsense.solvers.posterior.line_of_action import enter_surfaces
+from contactsense.solvers.posterior.mode import (
     ENERGY_CUTOFF,
     ENERGY_TOLERANCE,
     IDLE,
@@ -27,10 +27,10 @@ from contactsense.solvers.posterior_mode import (
 from contactsense.solvers.wrench import wrench_of
 from tests.contactsense.solvers.one_lane import enter_surface, posterior_mode
 
-from contactsense.solvers.posterior_block import (  # isort: skip
+from contactsense.solvers.posterior.block import (  # isort: skip
     DECREASE, ENERGY, F00, F12, LENGTH, M22, S0, SEARCH, W0, W5, D00,
 )  # fmt: skip
-from contactsense.solvers.simd_posterior import (  # isort: skip
+from contactsense.solvers.posterior.simd import (  # isort: skip
     contact_of, gauss_newton_steps, load_frame, load_primitive, load_prior, load_wrench, shape_operators,
     wrenches_to_body_frames,
 )  # fmt: skip

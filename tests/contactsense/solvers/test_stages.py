@@ -5,12 +5,12 @@ import pytest
 
 from contactsense.robots.vectors import Vector
 from contactsense.solvers import Status, Superquadric, solve_batch
-from contactsense.solvers.ellipsoid_method import bracket_contact
-from contactsense.solvers.general import solve_smooth_counted
-from contactsense.solvers.implicit_surfaces import evaluate
-from contactsense.solvers.level_set import SmoothBody
-from contactsense.solvers.newton import newton_iteration
-from contactsense.solvers.osculating import gauge_at, osculate, osculating_iteration
+from contactsense.solvers.general_convex.ellipsoid_method import bracket_contact
+from contactsense.solvers.general_convex.general import solve_smooth_counted
+from contactsense.solvers.general_convex.implicit_surfaces import evaluate
+from contactsense.solvers.general_convex.level_set import SmoothBody
+from contactsense.solvers.general_convex.newton import newton_iteration
+from contactsense.solvers.general_convex.osculating import gauge_at, osculate, osculating_iteration
 from contactsense.solvers.wrench import wrench_of
 from tests.contactsense.solvers.contacts import Contacts, draw
 

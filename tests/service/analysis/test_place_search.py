@@ -11,7 +11,7 @@ from contactsense.robots.robot import Inertia, Link
 from contactsense.robots.surface.convex_primitives import Surfaces, pack
 from contactsense.service.analysis.place_accessibility import log_accessible_share
 from contactsense.service.analysis.place_search import LinkMeasurement, PlaceSearch, WindowSums
-from contactsense.solvers.posterior import Prior
+from contactsense.solvers.posterior.contact_prior import Prior
 
 PRIOR = Prior(
     friction_ratio=0.25,

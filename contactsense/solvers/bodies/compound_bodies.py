@@ -1,0 +1,108 @@
+"""Convex bodies composed of parts, solved by `contactsense.solvers.closed_form.compound`."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+
+from contactsense.solvers.bodies.paper_surfaces import Cone, Cylinder, Ellipsoid, Placed, Plane, Sphere
+from contactsense.solvers.bodies.surface import KernelSurface, positive
+from contactsense.solvers.closed_form import compound
+
+Simple = Sphere | Ellipsoid | Cylinder | Cone | Plane | Placed
+"""A surface with a closed form, or one of these placed."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """Part of a surface that is bounded by other surfaces."""
+
+    surface: Simple
+    """The complete surface."""
+    behind: tuple[Simple, ...]
+    """The surfaces at which the part ends; it lies on the body's side of all of them."""
+
+
+class Compound(KernelSurface):
+    """A convex body whose surface is composed of parts (paper, section 7), with or without edges."""
+
+    kernels = compound.solve_compound, compound.wrench_axis_compound
+
+    def __init__(self, parts: Sequence[Part], reach: float) -> None:
+        """Compose a body.
+
+        Args:
+            parts: Parts that bound a convex body, each with its outward normal, and together leave no gap.
+                This is not checked.
+            reach: Size of the body [m]; due to rounding, a contact may lie 1e-9 of it outside its part.
+
+        Raises:
+            ValueError: There is no part, a surface has no closed form, or `reach` is not positive.
+        """
+        positive(self, reach=reach)
+        if not parts:
+            raise ValueError("Compound: parts must not be empty")
+        self.parts = tuple(parts)
+        self.reach = float(reach)
+        surfaces: list[Simple] = [part.surface for part in self.parts]
+        border = np.full((len(self.parts), max(1, *(len(part.behind) for part in self.parts))), -1)
+        for row, part in enumerate(self.parts):
+            for column, other in enumerate(part.behind):
+                border[row, column] = len(surfaces)
+                surfaces.append(other)
+        packed = [_packed(surface) for surface in surfaces]
+        self._packed = compound.Parts(
+            kind=np.array([kind for kind, _, _, _ in packed]),
+            size=np.array([size for _, size, _, _ in packed]),
+            rotation=np.array([rotation for _, _, rotation, _ in packed]),
+            origin=np.array([origin for _, _, _, origin in packed]),
+            border=border,
+            reach=self.reach,
+        )
+
+    @classmethod
+    def common(cls, surfaces: Sequence[Simple], reach: float) -> Self:
+        """Intersection of convex bodies, with edges where their surfaces meet.
+
+        Args:
+            surfaces: Surfaces of the bodies.
+            reach: Size of the body [m].
+        """
+        parts = [
+            Part(surface, tuple(other for other in surfaces if other is not surface)) for surface in surfaces
+        ]
+        return cls(parts, reach)
+
+    def arguments(self) -> tuple[Any, ...]:
+        """See `KernelSurface`."""
+        return (self._packed,)
+
+    def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
+        """The surface's shape operator there [1/m], shape (3, 3): that of the part that contains the
+        point."""
+        x, y, z = (float(component) for component in point)
+        distances = []
+        for row in range(len(self.parts)):
+            ends = [row, *(k for k in self._packed.border[row] if k >= 0)]
+            outside = [compound.outside_distance(self._packed, k, (x, y, z)) for k in ends]
+            distances.append(max(abs(outside[0]), *outside[1:]) if len(outside) > 1 else abs(outside[0]))
+        return self.parts[int(np.argmin(distances))].surface.shape_operator(point, normal)
+
+
+_KINDS = {
+    Plane: compound.PLANE, Sphere: compound.ELLIPSOID, Ellipsoid: compound.ELLIPSOID,
+    Cylinder: compound.CYLINDER, Cone: compound.CONE,
+}  # fmt: skip
+
+
+def _packed(surface: Simple) -> tuple[int, np.ndarray, np.ndarray, np.ndarray]:
+    """Kind, size, axes and origin of a surface."""
+    if isinstance(surface, Placed):
+        kind, size, _, _ = _packed(surface.surface)  # type: ignore[arg-type]
+        return kind, size, surface.rotation, surface.origin
+    if type(surface) not in _KINDS:
+        raise ValueError(f"Compound: {type(surface).__name__} has no closed form of one surface")
+    # As for the wrench axis, for which a sphere is an ellipsoid.
+    numbers = np.hstack(surface.line_problem()[1])
+    return _KINDS[type(surface)], np.pad(numbers, (0, 4 - len(numbers))), np.eye(3), np.zeros(3)
