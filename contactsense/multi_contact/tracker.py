@@ -18,17 +18,17 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense.detection.thresholds import Usable
+from contactsense.multi_contact.candidate_hypotheses import candidate_hypotheses
 from contactsense.multi_contact.contact_set_builder import ContactSetBuilder
 from contactsense.multi_contact.locator import MultiContactLocator
 from contactsense.multi_contact.multi_hypothesis_filter import (
     FORCE_DRIFT,
-    MAX_HYPOTHESES,
     Hypothesis,
     HypothesisFit,
     MultiHypothesisFilter,
     without_contact,
 )
-from contactsense.multi_contact.tracked_contacts import TrackedContact, tracked_contact
+from contactsense.multi_contact.tracked_contacts import TrackedContact
 from contactsense.runtime.buffers import KernelBuffers
 from contactsense.runtime.result_rows import PROBABILITY
 from contactsense.scene import Scene
@@ -52,8 +52,6 @@ WEAK_RELEASE_LOG_ODDS = math.log(0.5)
 """Log prior odds of the release of a contact that pushes less than `WEAK_FORCE`."""
 LOG_ODDS_MARGIN = 2.0
 """Log odds by which a change must be more probable than no change."""
-MIN_PROBABILITY = 0.1
-"""Explanations of a single contact that are more probable than this are tested for a further one."""
 FORCE_GROWTH_RATIO = 1.25
 """The force of the newest contact is growing if it exceeds this many times its last value."""
 MAX_SETTLING_FACTOR = 5.0
@@ -148,7 +146,7 @@ class MultiContactTracker:
         if self._state.track.status[0].phase == NEW:
             self._prior_hypotheses = []
             return
-        now = self._single_contact_hypotheses() if explained else []
+        now = candidate_hypotheses(self._constants, self._state) if explained else []
         if not self._prior_hypotheses:
             self._prior_hypotheses = self._next_prior = now
             self._prior_time = self._explained_time = t
@@ -173,28 +171,6 @@ class MultiContactTracker:
         elif t - self._explained_time > SETTLING_TIME * self._tau:
             self._prior_hypotheses = self._next_prior = now
             self._prior_time = self._explained_time = t
-
-    def _single_contact_hypotheses(self) -> list[Hypothesis]:
-        """The candidates of the single contact that are probable enough, as hypotheses."""
-        candidates, motion = self._state.candidates, self._state.motion
-        hypotheses = []
-        for row in candidates.order[: MAX_HYPOTHESES - 1]:
-            p = float(candidates.probability[row])
-            if p < MIN_PROBABILITY:
-                break
-            contact = (
-                candidates.point[row],
-                candidates.normal[row],
-                candidates.covariance[row],
-                candidates.force[row],
-            )
-            hypotheses.append(
-                Hypothesis(
-                    (tracked_contact(self._constants, motion, int(candidates.primitive[row]), *contact),),
-                    math.log(p),
-                )
-            )
-        return hypotheses
 
     def _update(self, t: float, present: Usable, reason: str) -> Estimate | None:
         """Estimate from the hypotheses; None if they explain nothing."""
