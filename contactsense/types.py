@@ -119,9 +119,9 @@ class Estimate:
     worse; `multiple`: several simultaneous contacts; `degraded`: a sensor is missing or unusable, see
     `reason`."""
     contacts: tuple[Contact, ...]
-    """Candidates, most probable first; with `other` their probabilities add up to one. Those on one link are
-    at places that differ significantly. If the status is `multiple`: the simultaneous contacts of the best of
-    `explanations`."""
+    """Candidates, most probable first; with `other` their probabilities add up to one. Where a base sensor
+    measures, those on one link are at places that differ significantly. If the status is `multiple`: the
+    simultaneous contacts of the best of `explanations`."""
     link_probability: np.ndarray
     """Probability that each link is touched, shape (n + 1,); zeros without contact. The remainder to one is
     the probability that it is not a single push on a touchable link: a pull, a couple, several contacts.

@@ -35,7 +35,7 @@ class ContactSetBuilder:
         """`estimate_builder` builds the single contacts."""
         self._estimate_builder = estimate_builder
         self._names = scene.link_names
-        self._clear = scene.clear
+        self._clear, self._has_base = scene.clear, scene.base_wrench is not None
         # Compiled before the first sample that several contacts explain.
         no_sets = np.zeros((0, WIDTH)), np.zeros(0, dtype=np.int64), np.zeros(0)
         merge_overlapping_sets(*no_sets[:2])
@@ -75,7 +75,9 @@ class ContactSetBuilder:
             return self._estimate_builder.without_contacts(
                 t, "degraded" if reason else "ambiguous", f"{reason}; {why}".strip("; ")
             )
-        stated, counts = merge_overlapping_sets(rows, counts)
+        stated = rows.copy()
+        if self._has_base:
+            stated, counts = merge_overlapping_sets(rows, counts)
         probability = np.empty(len(counts))
         link_probability = np.zeros(len(self._names))
         state_marginal_probabilities(stated, counts, probability, link_probability)

@@ -196,6 +196,7 @@ def explain_sample(
         arrays,
         state.link_probability,
     )
-    count = merge_overlapping(constants.surfaces, state.candidates, count)
+    if has_base:
+        count = merge_overlapping(constants.surfaces, state.candidates, count)
     listed: int = write_candidates(constants, state, Grids(*skin), min(count, rows.shape[0]), rows)
     return listed, no_contact_energy
