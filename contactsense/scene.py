@@ -102,8 +102,7 @@ class Scene(FileModel):
     """The arm: a name listed by `contactsense robots`, or the path of a URDF or YAML file, relative to the
     scene file; in Python also a `robots.Robot`."""
     kinematics: Path | None = None
-    """Kinematic calibration of the real arm, the YAML file exported by UR's driver; None: the model's nominal
-    values."""
+    """Kinematic calibration of the real arm, the YAML file exported by UR's driver; None: nominal values."""
     mounting: Literal["table", "wall", "ceiling"] | Vector = "table"
     """Orientation of the base in the world, whose z points up: `table`, `ceiling` (upside down), `wall` (base
     x points down), or roll, pitch, yaw of the base frame about fixed world axes [rad]."""
@@ -386,15 +385,16 @@ class Scene(FileModel):
     @property
     def gravity_base(self) -> np.ndarray:
         """Gravity in base axes [m/s^2], shape (3,)."""
-        return rotation_from_rpy(self._rpy).T @ [0.0, 0.0, -self.gravity]
+        return rotation_from_rpy(self.mounting_rpy).T @ [0.0, 0.0, -self.gravity]
 
     @property
     def orientation(self) -> "Rotation":
         """Orientation of the base in the world."""
         from scipy.spatial.transform import Rotation  # not needed to start a localizer
 
-        return Rotation.from_euler("xyz", self._rpy)
+        return Rotation.from_euler("xyz", self.mounting_rpy)
 
     @property
-    def _rpy(self) -> Vector:
+    def mounting_rpy(self) -> Vector:
+        """Roll, pitch, yaw of the base about fixed world axes [rad]: what `mounting` stands for."""
         return _MOUNTINGS[self.mounting] if isinstance(self.mounting, str) else self.mounting

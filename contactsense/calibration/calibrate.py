@@ -136,9 +136,13 @@ def calibrate(
             for joint, rest in zip(scene.robot.joints, noise_levels.rest_error, strict=True)
             if np.isnan(rest)
         ]
-    changed = {entry.group for i, entry in enumerate(selected) if fitted.free[i]}
+    changed = {
+        str(entry.group)
+        for i, entry in enumerate(selected)
+        if fitted.free[i] and (entry.group != "tilt" or values[i].changed)
+    }
     return Calibration(
-        scene=scene_of(arm, {str(group) for group in changed}, noise_levels, wrenches),
+        scene=scene_of(arm, changed, noise_levels, wrenches),
         values=tuple(v for v in values if v.entry.group != "links"),
         inertia=tuple(v for v in values if v.entry.group == "links"),
         warnings=tuple(warnings),

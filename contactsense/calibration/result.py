@@ -22,6 +22,8 @@ from contactsense.sensors.settings import (
 
 _DIGITS = 6
 """Significant digits of the numbers in a scene file."""
+CHANGED = 2.0
+"""A parameter has changed if it moved by this many standard deviations."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +37,11 @@ class Value:
     """Standard deviation of `after`; 0 if the parameter was kept."""
     kept: str = ""
     """Why the scene's value was kept; empty if the parameter was estimated."""
+
+    @property
+    def changed(self) -> bool:
+        """Whether the estimate differs significantly from the scene's value, which it confirms otherwise."""
+        return abs(self.after - self.before) > CHANGED * self.std
 
 
 @dataclass(frozen=True)
@@ -92,7 +99,8 @@ def scene_of(
 
     Args:
         arm: The estimates.
-        changed: Groups with at least one estimated parameter.
+        changed: Groups with at least one estimated parameter; "tilt" only if the direction of gravity is not
+            that of the scene, whose `mounting` may be a word.
         noise_levels: Noise and model error of the joint torques; None without them.
         wrenches: Noise of force and moment [N, Nm] of each force/torque sensor that was recorded, by field.
     """

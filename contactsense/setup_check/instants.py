@@ -17,7 +17,7 @@ _SETTLING = 12.0
 SETTLING_TIME = _SETTLING / (2.0 * np.pi * BANDWIDTH)
 """The same [s]."""
 _MOTION_INTERVAL = 0.02
-"""The motion is followed at steps of at most this length, and of at least one sample [s]."""
+"""The motion is followed at steps of at most this length, or of one sample [s]."""
 _NODE_INTERVAL = 0.05
 """Time between the nodes about an instant [s]."""
 _MAX_ROWS = 400
@@ -28,8 +28,9 @@ _MAX_ROWS = 400
 class Instants:
     """Which samples of one recording are used."""
 
-    every: int
-    """The motion is followed at every n-th sample: it is smooth, unlike the readings."""
+    motion: np.ndarray
+    """Indices of the samples at which the motion is followed, shape (K,): it is smooth, unlike the readings.
+    """
     keep: slice
     """All nodes, among those samples."""
     nodes: np.ndarray
@@ -39,7 +40,7 @@ class Instants:
 
     def node_times(self, t: np.ndarray) -> np.ndarray:
         """Times of the nodes after the instant, shape (M, 3) [s]; `t`: those of the recording, shape (N,)."""
-        times = t[:: self.every][self.keep]
+        times = t[self.motion][self.keep]
         return np.asarray(times[self.nodes] - times[self.nodes[:, 1]][:, None])
 
 
@@ -48,16 +49,26 @@ def instants(recordings: list[FreeMotion]) -> list[Instants]:
     interval = max(_INTERVAL, sum(part.seconds for part in recordings) / _MAX_ROWS)
     found = []
     for part in recordings:
-        dt = float(np.median(np.diff(part.t)))
-        every = max(1, int(_MOTION_INTERVAL / dt + 1e-6))
-        t = part.t[::every]
+        motion = _motion_samples(part.t)
+        t = part.t[motion]
         start = int(np.searchsorted(t, t[0] + SETTLING_TIME))
-        stride = max(1, round(_NODE_INTERVAL / (every * dt)))
+        stride = max(1, round(_NODE_INTERVAL / float(np.median(np.diff(t)))))
         count = len(range(start, len(t), stride))
         middle = np.arange(1, count - 1, max(1, round(interval / _NODE_INTERVAL)))
         nodes = middle[:, None] + np.array([-1, 0, 1])
-        found.append(Instants(every, slice(start, None, stride), nodes, every * (start + stride * middle)))
+        found.append(Instants(motion, slice(start, None, stride), nodes, motion[start + stride * middle]))
     return found
+
+
+def _motion_samples(t: np.ndarray) -> np.ndarray:
+    """Indices of samples `_MOTION_INTERVAL` apart, closer where samples are missing: a longer step between
+    two is one of the recording, so the filter starts anew for the motion where it does for the readings.
+    """
+    last = np.searchsorted(t, t + (_MOTION_INTERVAL + 1e-6), side="right") - 1
+    samples = [0]
+    while samples[-1] < len(t) - 1:
+        samples.append(max(samples[-1] + 1, int(last[samples[-1]])))
+    return np.array(samples)
 
 
 def without_gaps(recordings: list[FreeMotion]) -> list[FreeMotion]:

@@ -78,8 +78,8 @@ def load_terms(robot: Robot, part: FreeMotion, at: Instants, body: int, bandwidt
         body: Index of the link, the base being 0.
         bandwidth: Cut-off frequency of the observer [Hz].
     """
-    t = part.t[:: at.every]
-    motion = _LinkMotion.of(robot, part.q[:: at.every], part.qd[:: at.every])
+    t = part.t[at.motion]
+    motion = _LinkMotion.of(robot, part.q[at.motion], part.qd[at.motion])
     v, w = motion.velocity[:, body], motion.turning[:, body]
     found = []
     for k in range(body, len(robot.links)):

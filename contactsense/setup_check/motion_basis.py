@@ -153,7 +153,7 @@ def _terms(
     n = part.q.shape[1]
     arm, times = _massless(scene), at.node_times(part.t)
     middle = at.nodes[:, 1]
-    part = FreeMotion(part.t[:: at.every], part.q[:: at.every], part.qd[:: at.every])
+    part = FreeMotion(part.t[at.motion], part.q[at.motion], part.qd[at.motion])
 
     def columns(gravity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         found = inertial_columns(arm, part, gravity, BANDWIDTH, at.keep)

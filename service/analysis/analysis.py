@@ -265,6 +265,7 @@ class AnalysisRun:
         if not self._smooth:
             return contact
         self._smoother = self._smoother or ContactSmoother(self.scene)
+        history = history.without_outages()
         # After a pause the arm may only ring: that is no push at one place.
         smoothed = self._smoother.smooth(history.strongest_stretch())
         if smoothed is None:

@@ -28,6 +28,8 @@ class ContactHistory:
     """Phase in each, shape (N,), int64: `NONE` in a pause after which the contact resumed."""
     energy: np.ndarray
     """Energy of the no-contact hypothesis, shape (N,)."""
+    usable: np.ndarray
+    """Whether the base sensor was neither silent nor settling, shape (N,), bool."""
     base_wrench: np.ndarray
     """External base wrench, low-passed, shape (N, 6) [N, Nm]."""
     base_wrench_std: np.ndarray
@@ -64,6 +66,13 @@ class ContactHistory:
         stretches = np.split(np.arange(len(on)), np.flatnonzero(np.diff(on.astype(np.int8))) + 1)
         touched = [stretch for stretch in stretches if on[stretch[0]]]
         return _taken(self, max(touched, key=lambda stretch: float(self.energy[stretch].sum())))
+
+    def without_outages(self) -> "ContactHistory":
+        """Without the samples that lack the base sensor, if most have it: the force that joint torques alone
+        make most probable may be several times the true one."""
+        if self.usable.all() or 2 * np.count_nonzero(self.usable) <= len(self.usable):
+            return self
+        return _taken(self, np.flatnonzero(self.usable))
 
 
 class ContactCollector:
@@ -142,6 +151,7 @@ class ContactCollector:
             block=block[here],
             phase=found.phase[here],
             energy=found.energy[here],
+            usable=found.usable[here, 0],
             base_wrench=found.base_wrench[here],
             base_wrench_std=found.base_wrench_std[here],
             joint_torque=found.joint_torque[here],
@@ -171,6 +181,7 @@ def _join(parts: list[ContactHistory], complete: bool) -> ContactHistory:
         block=SampleBlock.joined([part.block for part in parts]),
         phase=stack("phase"),
         energy=stack("energy"),
+        usable=stack("usable"),
         base_wrench=stack("base_wrench"),
         base_wrench_std=stack("base_wrench_std"),
         joint_torque=stack("joint_torque"),
@@ -191,6 +202,7 @@ def _taken(history: ContactHistory, kept: np.ndarray) -> ContactHistory:
         block=history.block[kept],
         phase=history.phase[kept],
         energy=history.energy[kept],
+        usable=history.usable[kept],
         base_wrench=history.base_wrench[kept],
         base_wrench_std=history.base_wrench_std[kept],
         joint_torque=history.joint_torque[kept],

@@ -41,9 +41,10 @@ class Summarizer:
     def summarize(self, history: ContactHistory, recording: str) -> ContactSummary:
         """Summary from the live estimates: the link with the most force-weighted probability, and the most
         precise of its places."""
+        frame, history = self._frame(history, recording), history.without_outages()
         rows = history.rows
         if len(rows) == 0:
-            return self._unexplained(history, recording)
+            return self._unexplained(history, frame)
         force = history.force
         peak = int(np.argmax(force))
         share = force**2 @ history.link_probability / np.sum(force**2)
@@ -60,7 +61,7 @@ class Summarizer:
         relative = turn @ turned.T
         point_base = here + relative @ (best[POINT_BASE] - there)
         return ContactSummary(
-            **self._frame(history, recording),
+            **frame,
             link=self._scene.link_names[link],
             link_index=link,
             probability=float(best[PROBABILITY]),
@@ -135,7 +136,7 @@ class Summarizer:
             "energy": float(np.max(history.energy)),
         }
 
-    def _unexplained(self, history: ContactHistory, recording: str) -> ContactSummary:
+    def _unexplained(self, history: ContactHistory, frame: dict[str, Any]) -> ContactSummary:
         """Summary of a contact that is not a single push on a touchable link."""
         force = np.linalg.norm(history.base_wrench[:, :3], axis=1)
         if self._scene.base_wrench is None:
@@ -143,7 +144,7 @@ class Summarizer:
         peak, nowhere = int(np.argmax(force)), np.full(3, np.nan)
         early = history.t - history.t[0] <= TRANSIENT_TIME
         return ContactSummary(
-            **self._frame(history, recording),
+            **frame,
             link="",
             link_index=-1,
             probability=0.0,

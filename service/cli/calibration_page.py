@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from contactsense.calibration import Calibration, Value
+from contactsense.calibration.result import CHANGED
 from contactsense.scene import Scene
 
 _TITLES = {
@@ -27,8 +28,8 @@ _TITLES = {
 }
 """Groups of parameters that are printed in one line, with the field of a sensor within the arm behind it; the
 other parameters have a line each."""
-_CHANGED = 2.0
-"""A parameter has changed if it moved by this many standard deviations."""
+_PLACES = {"turn": "rpy", "link_turn": "rpy", "shift": "translation", "link_shift": "translation"}
+"""Fields of a sensor to which a group is a correction."""
 _WRONG = 2.0
 """A fit whose residual of any equation is this many times that of the scene has gone wrong."""
 _COMPONENTS = ("force x", "force y", "force z", "moment x", "moment y", "moment z")
@@ -95,8 +96,8 @@ def _changes(found: Calibration, scene: Scene) -> tuple[str, ...]:
         title = block[0].entry.name
         if group in _TITLES:
             title = _TITLES[group] if sensor is None else f"{_TITLES[group]} {sensor}"
-        if any(abs(value.after - value.before) > _CHANGED * value.std for value in block):
-            lines.append(f"{title}: {_values(block)}")
+        if any(value.changed for value in block):
+            lines.append(f"{title}: {_field(group, sensor, found.scene, scene) or _values(block)}")
         elif title not in same:
             same.append(title)
     if found.scene.tool != scene.tool:
@@ -104,7 +105,7 @@ def _changes(found: Calibration, scene: Scene) -> tuple[str, ...]:
     if found.inertia:
         lines.append(f"inertia of the links: {len(found.inertia)} parameters, listed by --verbose")
     if same:
-        lines.append(f"confirmed within {_CHANGED:g} standard deviations: {', '.join(same)}")
+        lines.append(f"confirmed within {CHANGED:g} standard deviations: {', '.join(same)}")
     return tuple(lines)
 
 
@@ -118,6 +119,26 @@ def _tool(scene: Scene) -> str:
         return "none"
     x, y, z = (1e3 * part for part in scene.tool.com)
     return f"{scene.tool.mass:.3g} kg, centre of mass {x:.0f}, {y:.0f}, {z:.0f} mm from the flange"
+
+
+def _field(group: str, sensor: str | None, after: Scene, before: Scene) -> str:
+    """The scene's field after and before, where the parameters are corrections to it; empty elsewhere."""
+    if group == "tilt":
+        return f"mounting {_triple(after.mounting)} (was {_triple(before.mounting)})"
+    if group not in _PLACES:
+        return ""
+    new, old = (
+        getattr(scene.base_wrench if sensor is None else scene.link_sensors[sensor], _PLACES[group])
+        for scene in (after, before)
+    )
+    return f"{_PLACES[group]} {_triple(new)} (was {_triple(old)})"
+
+
+def _triple(value: str | tuple[float, ...]) -> str:
+    """Three numbers to a tenth of a millimetre or milliradian, or a word."""
+    return (
+        value if isinstance(value, str) else f"[{', '.join(f'{round(part, 4) + 0.0:g}' for part in value)}]"
+    )
 
 
 def _values(block: list[Value]) -> str:
@@ -165,10 +186,10 @@ def _next_steps(found: Calibration, written: Path | None) -> tuple[str, ...]:
         )
     unexcited = sorted({v.entry.name for v in found.values if v.kept.startswith("not excited")})
     if unexcited:
+        more = f" and {len(unexcited) - 3} more" if len(unexcited) > 3 else ""
         steps.append(
-            f"{len(unexcited)} parameters keep the scene's values because this motion does not excite them "
-            f"({', '.join(unexcited[:3])}{', ...' if len(unexcited) > 3 else ''}): a motion of "
-            "`contactsense excite` does"
+            f"this motion does not excite {', '.join(unexcited[:3])}{more}, kept as in the scene: a "
+            "motion of `contactsense excite` does"
         )
     if written is None:
         steps.append("nothing was written: --out FILE writes the calibrated scene, --write changes the scene")

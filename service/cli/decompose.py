@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
     from contactsense.robots.decomposition.decompose import Fit, Options
 
+_WIDEST = 500
+"""Width beyond which no table grows [characters]."""
 _COLUMNS = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
 
 
@@ -199,8 +201,8 @@ def _report(best: "dict[str, Fit]") -> None:
         table.add_row(name, str(len(fit.bodies.kind)), *row(fit.errors))
     count = sum(len(fit.bodies.kind) for fit in best.values())
     table.add_row("all", str(count), *row(together([fit.errors for fit in best.values()])))
-    console = Console(stderr=True)
-    console.print(table, width=max(console.width, console.measure(table).maximum), crop=False)
+    # A table that is wider than the terminal is printed whole: a pipe counts as 80 columns.
+    Console(stderr=True, width=_WIDEST).print(table)
 
 
 def beyond_tolerance(reached: Mapping[str, float], tolerance: float) -> list[str]:

@@ -42,9 +42,15 @@ class ContactEvent(BaseModel):
     point_base: Vector | None = Field(None, description="The same in the base frame [m].")
     force_base: Vector | None = Field(None, description="Force on the robot, base axes [N], at this moment.")
     force: float = Field(0.0, description="Its magnitude [N].")
-    peak_force: float = Field(0.0, description="Largest magnitude since the onset [N].")
+    peak_force: float = Field(
+        0.0,
+        description="Largest magnitude since the onset [N]. Moments without the base sensor do not count, "
+        "unless it is missing throughout.",
+    )
     impulse: float = Field(
-        0.0, description="Magnitude of the force's integral over time since the onset [N s]."
+        0.0,
+        description="Magnitude of the force's integral over time since the onset [N s], with the same "
+        "exception.",
     )
     duration: float = Field(0.0, description="Time since the onset [s].")
     probability: float = Field(

@@ -4,7 +4,9 @@ Pure functions: estimates in, events out. A contact that resumes is summarized f
 of a contact is the weighted mean of the points on the link over its samples; each weight is the point's
 probability divided by the trace of its covariance. The covariance of the mean point is the mean of the
 covariances with the same weights: neighbouring samples share filtered noise and the error of the surface
-model, so averaging must not reduce it.
+model, so averaging must not reduce it. Peak force and impulse are those of the samples that determine the
+force: while the base sensor is missing, the force that joint torques make most probable may be several times
+the true one.
 """
 
 import math
@@ -20,6 +22,8 @@ LOST_AFTER = 1.0
 """A contact without estimates for this time has ended, even if no release was reported [s]."""
 _MAX_STEP = 0.1
 """Longest gap between samples for which the impulse is integrated [s]."""
+_FAR_LESS_CERTAIN = 100.0
+"""Ratio of standard deviations above which a sample says nothing about the force beside the others."""
 
 
 @dataclass
@@ -44,6 +48,30 @@ class _Place:
         self.covariance += weight * contact.covariance
 
 
+class _Force:
+    """Peak and impulse over the samples that determine the force."""
+
+    def __init__(self) -> None:
+        self.peak, self.impulse = 0.0, np.zeros(3)
+        self._variance = math.inf
+        self._last: tuple[float, np.ndarray] | None = None
+
+    def add(self, t: float, force: np.ndarray, variance: float) -> None:
+        if variance > _FAR_LESS_CERTAIN**2 * self._variance or not np.isfinite(force).all():
+            return
+        if _FAR_LESS_CERTAIN**2 * variance < self._variance:
+            self.peak, self.impulse, self._last = 0.0, np.zeros(3), None
+        self._variance = min(variance, self._variance)
+        self.peak = max(self.peak, float(np.linalg.norm(force)))
+        if self._last is not None:
+            self.impulse += (t - self._last[0]) * 0.5 * (self._last[1] + force)
+        self._last = (t, force)
+
+    def pause(self) -> None:
+        """Nothing is known between the sample before and the next one."""
+        self._last = None
+
+
 class _OpenContact:
     """One contact since its onset."""
 
@@ -52,21 +80,18 @@ class _OpenContact:
         self.samples = 0
         self.places: dict[str, _Place] = {}
         self.bodies: Counter[str] = Counter()
-        self.impulse = np.zeros(3)
-        self.peak = 0.0
+        self.force = _Force()
         self.best: Contact | None = None
 
-    def add(self, t: float, explanations: list[Contact]) -> None:
+    def add(self, t: float, explanations: list[Contact], variance: float) -> None:
+        """Add a sample; `variance`: sum of those of the force's components [N^2]."""
         best = max(explanations, key=lambda contact: contact.probability)
-        step = t - self.last
-        if self.best is not None and 0.0 < step <= _MAX_STEP:
-            self.impulse += step * 0.5 * (self.best.force_base + best.force_base)
+        if self.best is None or not 0.0 < t - self.last <= _MAX_STEP:
+            self.force.pause()
+        self.force.add(t, best.force_base, variance)
         self.last, self.best = t, best
         self.samples += 1
         self.bodies[best.body] += 1
-        magnitude = float(np.linalg.norm(best.force_base))
-        if math.isfinite(magnitude):
-            self.peak = max(self.peak, magnitude)
         for contact in explanations:
             self.places.setdefault(contact.link, _Place()).add(contact)
 
@@ -90,8 +115,8 @@ class _OpenContact:
             point_base=(place.point_base / place.weight).tolist() if known else None,
             force_base=force.tolist(),
             force=float(np.linalg.norm(force)),
-            peak_force=self.peak,
-            impulse=float(np.linalg.norm(self.impulse)),
+            peak_force=self.force.peak,
+            impulse=float(np.linalg.norm(self.force.impulse)),
             duration=max(0.0, self.last - self.begin),
             probability=min(1.0, place.probability / self.samples),
             covariance=(place.covariance / place.weight).tolist() if known else None,
@@ -120,6 +145,7 @@ class ContactSummaries:
         for event in estimate.events:
             if event.kind == "resume":
                 self._resume(event.contact)
+        variance = float(np.trace(estimate.covariance[:3, :3]))
         by_number: dict[int, list[Contact]] = {}
         for contact in estimate.contacts:
             by_number.setdefault(contact.id, []).append(contact)
@@ -128,7 +154,7 @@ class ContactSummaries:
                 found = self._open.get(number)
                 if found is None or estimate.t < found.last:
                     found = self._open[number] = _OpenContact(number, estimate.t)
-                found.add(estimate.t, explanations)
+                found.add(estimate.t, explanations, variance)
         events = [self._event(event, time) for event in estimate.events]
         return events + self._lost(estimate.t, time)
 

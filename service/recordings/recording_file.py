@@ -161,9 +161,10 @@ class RecordingFile:
         return []
 
     def _missing(self, name: str, column: str) -> None:
+        each = "" if name == "timestamp" else f", a YAML file one column for each value: {name}: [A, B]"
         raise RecordingError(
             f"{self.name}: {name}: expected a column {column}, found {self._found()}; "
-            f"--columns {name}=NAME names another"
+            f"--columns {name}=NAME names another{each}"
         )
 
     def _found(self) -> str:

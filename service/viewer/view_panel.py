@@ -61,7 +61,7 @@ class MountingPanel:
         self._arm, self._scene = arm, scene
         sensor = scene.base_wrench
         self._given = {
-            "mounting": tuple(np.degrees(scene.orientation.as_euler("xyz")).round(3) + 0.0),
+            "mounting": tuple(np.degrees(scene.mounting_rpy).round(3)),
             "rpy": tuple(np.degrees(sensor.rpy).round(3)) if sensor else (0.0, 0.0, 0.0),
             "translation": tuple(np.multiply(1e3, sensor.translation)) if sensor else (0.0, 0.0, 0.0),
         }

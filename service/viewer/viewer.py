@@ -89,8 +89,11 @@ class Viewer:
         self._view = ViewPanel(page.gui, self._arm, self._heat)
         MountingPanel(page.gui, self._arm, scene)
         self._drawn = self._worded = -float("inf")
-        middle = scene.orientation.apply([0.0, 0.0, 0.25 * self._arm.reach])
-        page.initial_camera.position = tuple(middle + self._arm.reach * np.array([0.6, -0.68, 0.3]))
+        axis = scene.orientation.apply([0.0, 0.0, 1.0])
+        middle = 0.25 * self._arm.reach * axis
+        # An arm on a table stays above it; from a wall it reaches as far up as down.
+        distance = self._arm.reach * (1.0 + 0.45 * np.hypot(axis[0], axis[1]))
+        page.initial_camera.position = tuple(middle + distance * np.array([0.6, -0.68, 0.3]))
         page.initial_camera.look_at = tuple(middle)
 
     def draw(self, frame: Frame, note: str = "", latches: tuple[Latch, ...] = ()) -> None:

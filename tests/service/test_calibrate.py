@@ -86,6 +86,29 @@ def test_a_fit_that_has_gone_wrong_is_not_recommended(folder: Path) -> None:
     assert advice(wrong).startswith("do not use this scene: the one before explains this motion better")
 
 
+def test_corrections_are_told_as_the_lines_of_the_scene() -> None:
+    sensor = WrenchSensor(rpy=(0.0, 0.0, 0.5236), translation=(0.0, 0.0, -0.04))
+    truth = Scene(robot="ur5e", mounting="wall", joint_torque=None, base_wrench=sensor)
+    off = sensor.model_copy(update={"rpy": (0.0, 0.0, 0.45), "translation": (0.0, 0.0, -0.01)})
+    scene = truth.model_copy(update={"base_wrench": off})
+    center = np.array([0.0, -1.3, 1.5, -1.0, 0.8, 0.0])
+    motion = FourierTrajectory.draw(np.random.default_rng(4), center, np.full(6, 0.7), 6, 8.0)
+    groups = Settings(("wrench_bias", "tilt", "turn", "shift"), widths=False)
+    found = estimate(scene, [simulate(truth, motion, 1, 125.0)], groups)
+    (changed,) = (part.lines for part in page(found, scene, None) if part.title == "What changed")
+    told = "\n".join(changed)
+    assert re.search(r"orientation of the base sensor: rpy \[.*, 0\.52\d+\] \(was \[0, 0, 0\.45\]\)", told)
+    assert re.search(
+        r"place of the base sensor: translation \[.*, -0\.0(39|4)\d*\] \(was \[0, 0, -0\.01\]\)", told
+    )
+    # A direction of gravity that is confirmed stays as it was written.
+    tilts = [value for value in found.values if value.entry.group == "tilt"]
+    assert tilts
+    assert not any(value.changed or value.kept for value in tilts)
+    assert found.scene.mounting == "wall"
+    assert "direction of gravity" in changed[-1]
+
+
 @pytest.mark.slow
 def test_sensors_within_the_arm_are_calibrated_and_written(tmp_path: Path) -> None:
     elbow = {"name": "elbow", "link": "forearm", "bias": (3.0, -2.0, 5.0, 0.2, -0.1, 0.3), "delay": 0.016}

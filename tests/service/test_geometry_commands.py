@@ -10,8 +10,8 @@ from click.testing import CliRunner, Result
 
 from contactsense import Scene, robots
 from contactsense.robots.decomposition.decompose import Fit
-from contactsense.robots.decomposition.surface_error import Errors, bodies_of
-from contactsense.service.cli.decompose import beyond_tolerance
+from contactsense.robots.decomposition.surface_error import HEADINGS, Errors, bodies_of
+from contactsense.service.cli.decompose import _report, beyond_tolerance
 from contactsense.service.cli.main import cli
 from tests.robots.shapes import two_meshes
 
@@ -128,6 +128,15 @@ def test_links_beyond_the_tolerance_are_named() -> None:
     (warning,) = beyond_tolerance(links, 2e-3)
     assert "within 2 mm, got recess 9.5 mm, gap 9.5 mm;" in warning
     assert beyond_tolerance(links, 9.6e-3) == []
+
+
+def test_the_table_is_whole_where_it_is_wider_than_the_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+    near = np.full(100, 1e-3)
+    _report({"a_link_with_a_name": Fit(bodies_of([]), Errors(near, near, near, 1.0), (), (), 0.0)})
+    heading, _, row, *_ = capsys.readouterr().err.strip().splitlines()
+    for column in ("link", "primitives", *HEADINGS):
+        assert column in heading
+    assert row.split()[0] == "a_link_with_a_name"
 
 
 @pytest.mark.slow

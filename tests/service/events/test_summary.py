@@ -137,3 +137,18 @@ def test_a_contact_resumes_though_others_have_had_events_meanwhile() -> None:
     summaries.update(estimate(0.12, other, event="hold", number=2), "")
     (resume,) = summaries.update(estimate(0.15, FOREARM, other, event="resume"), "")
     assert resume.duration == 0.15
+
+
+@pytest.mark.parametrize("first", [0.0, 0.1])
+def test_samples_that_do_not_determine_the_force_count_neither_for_peak_nor_impulse(first: float) -> None:
+    summaries = ContactSummaries()
+    for k in range(101):
+        t = 0.01 * k
+        without = first <= t < first + 0.2
+        found = estimate(t, pushed(190.0 if without else 10.0), event="onset" if k == 0 else None)
+        summaries.update(replace(found, covariance=1e6 * np.eye(6)) if without else found, "")
+    (release,) = summaries.update(estimate(1.01, event="release"), "")
+    assert release.peak_force == 10.0
+    # A gap between two samples that determine it is bridged; before the first one nothing is known.
+    assert release.impulse == pytest.approx(10.0 if first else 8.0)
+    assert release.duration == pytest.approx(1.0)

@@ -33,3 +33,28 @@ def test_a_tool_is_drawn_at_the_flange() -> None:
         np.testing.assert_allclose(offset[:3, :3], turned, atol=1e-12)
     finally:
         page.stop()
+
+
+@pytest.mark.parametrize("mounting", ["wall", (1.5708, 0.0, 0.0)])
+@pytest.mark.filterwarnings("error")
+def test_an_arm_on_a_wall_is_in_the_picture(mounting: str | tuple[float, float, float]) -> None:
+    pytest.importorskip("viser")
+    from contactsense.service.viewer.viewer import Viewer, serve_page
+
+    scene = Scene(robot="ur10e", mounting=mounting)
+    page = serve_page("127.0.0.1", 0)
+    try:
+        Viewer(page, scene)
+        camera = page.initial_camera
+        ahead = camera.look_at - camera.position
+        ahead /= np.linalg.norm(ahead)
+        right = np.cross(ahead, [0.0, 0.0, 1.0])
+        up = np.cross(right / np.linalg.norm(right), ahead)
+        stretched = [
+            [pan, lift, 0.0, 0.0, 0.0, 0.0] for pan in np.arange(0.0, 6.2, 0.7) for lift in (0.0, -1.57)
+        ]
+        places = np.array([link_places(scene, np.array(q))[:, :3, 3] for q in stretched])
+        seen = scene.orientation.apply(places.reshape(-1, 3)) - camera.position
+        assert np.abs(seen @ up / (seen @ ahead)).max() < np.tan(0.5 * camera.fov)
+    finally:
+        page.stop()
