@@ -6,7 +6,6 @@ The times that it takes to be told and to recover are printed (`pytest -s tests/
 times are asserted, as a busy computer would fail them.
 """
 
-import gc
 import json
 import os
 import re
@@ -239,16 +238,7 @@ class Cell:
 
 
 @pytest.fixture(scope="module")
-def no_collection_pauses() -> Iterator[None]:
-    """The mock runs in this process, where a full collection takes 0.1 s: a burst on both wires, no fault."""
-    gc.collect()
-    gc.freeze()
-    yield
-    gc.unfreeze()
-
-
-@pytest.fixture(scope="module")
-def cell(no_collection_pauses: None) -> Iterator[Cell]:
+def cell() -> Iterator[Cell]:
     motion = simulate(SCRIPT)
     chosen = MockSettings(rtde_port=0, netft_port=0, http_port=0, loop=True)
     with MockServers(motion, chosen) as servers:
