@@ -3,7 +3,8 @@ shares the machine; and what keeps chance out of the results."""
 
 import gc
 import os
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -42,37 +43,45 @@ WITHOUT = (
 )
 """Folders whose tests locate no contact and use kernels of their own."""
 TOGETHER = ("contactsense/multi_contact", "service/analysis")
-"""Folders whose tests share kernels of their own, which two workers would both compile."""
+"""Folders whose tests share kernels of their own, which two workers would both compile. They take long and
+come before the others, so that no worker has one left when the rest are done."""
 LIVE = {"serving", "MockServers", "LiveServers", "NetFtServer", "RtdeServer", "Stage", "rtde_server"}
 """A test file that imports one of these keeps simulated devices, or services that listen to them."""
 
 
+@pytest.hookimpl(wrapper=True, optionalhook=True)  # of pytest-xdist
+def pytest_xdist_auto_num_workers() -> Generator[None, int, int]:
+    """One more than there are processors: that with the live services mostly waits."""
+    return (yield) + 1
+
+
 @pytest.hookimpl(tryfirst=True)  # before the groups are read
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """One worker compiles the localizer while another works on what can do without it; side by side on the
-    files that need it, both would compile the same kernels.
+    """One worker compiles the localizer while others work on what can do without it; side by side on the
+    files that need it, all would compile the same kernels.
 
     A file's tests go to one worker, which makes their fixtures once, as do those of some folders. All live
     services go to one worker, as two at a time would take the processor from each other; those that measure
     in real time come last.
     """
-    root = Path(__file__).parent
 
     def turn(item: pytest.Item) -> int:
-        name = item.path.relative_to(root).as_posix()
+        name = _name(item.path)
         if name in FIRST:
             return 0
         if _is_realtime(item):
-            return 4
+            return 5
         if _is_live(item):
+            return 1
+        if name.startswith(WITHOUT):
             return 2
-        return 1 if name.startswith(WITHOUT) else 3
+        return 3 if name.startswith(TOGETHER) else 4
 
     items.sort(key=turn)
     for item in items:
         if item.get_closest_marker("long") is not None:
             item.add_marker("slow")
-        group = item.path.relative_to(root).as_posix()
+        group = _name(item.path)
         if group in FIRST:
             group = "first"
         elif _is_realtime(item) or _is_live(item):
@@ -106,6 +115,12 @@ def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> bool | None:
         wait_for_processor(PATIENCE)
     taken = ", ".join(f"{share:.0%}" for share in shares)
     pytest.skip(f"cannot be judged: the host took {taken} of the processors' time in {ATTEMPTS} attempts")
+
+
+@cache  # thousands of tests are in hundreds of files
+def _name(path: Path) -> str:
+    """A file's name within this folder."""
+    return path.relative_to(Path(__file__).parent).as_posix()
 
 
 def _is_realtime(item: pytest.Item) -> bool:
