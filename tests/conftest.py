@@ -45,7 +45,10 @@ WITHOUT = (
 TOGETHER = ("contactsense/multi_contact", "service/analysis")
 """Folders whose tests share kernels of their own, which two workers would both compile. They take long and
 come before the others, so that no worker has one left when the rest are done."""
-LIVE = {"serving", "MockServers", "LiveServers", "NetFtServer", "RtdeServer", "Stage", "rtde_server"}
+LIVE = {
+    *("serving", "MockServers", "LiveServers", "NetFtServer", "RtdeServer", "Stage", "rtde_server"),
+    "in_own_process",
+}
 """A test file that imports one of these keeps simulated devices, or services that listen to them."""
 
 
