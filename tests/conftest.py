@@ -1,13 +1,22 @@
-"""The order of the test files, as on a fresh machine `make test` spends most of its time compiling; and who
-shares the machine."""
+"""The order of the test files, as on a fresh machine `make test` spends most of its time compiling; who
+shares the machine; and what keeps chance out of the results."""
 
+import gc
 import os
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from tests.machine import STARVED, StolenTime, machine, wait_for_processor
+
+# The same examples each time, however long the computer takes for one: none fails by chance.
+settings.register_profile(
+    "reproducible", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow]
+)
+settings.load_profile("reproducible")
 
 ATTEMPTS = 3
 """How often a test in real time is tried on a computer whose processors are taken away."""
@@ -34,37 +43,48 @@ WITHOUT = (
 )
 """Folders whose tests locate no contact and use kernels of their own."""
 TOGETHER = ("contactsense/multi_contact", "service/analysis")
-"""Folders whose tests share kernels of their own, which two workers would both compile."""
-LIVE = {"serving", "MockServers", "LiveServers", "NetFtServer", "RtdeServer", "Stage"}
+"""Folders whose tests share kernels of their own, which two workers would both compile. They take long and
+come before the others, so that no worker has one left when the rest are done."""
+LIVE = {
+    *("serving", "MockServers", "LiveServers", "NetFtServer", "RtdeServer", "Stage", "rtde_server"),
+    "in_own_process",
+}
 """A test file that imports one of these keeps simulated devices, or services that listen to them."""
+
+
+@pytest.hookimpl(wrapper=True, optionalhook=True)  # of pytest-xdist
+def pytest_xdist_auto_num_workers() -> Generator[None, int, int]:
+    """One more than there are processors: that with the live services mostly waits."""
+    return (yield) + 1
 
 
 @pytest.hookimpl(tryfirst=True)  # before the groups are read
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """One worker compiles the localizer while another works on what can do without it; side by side on the
-    files that need it, both would compile the same kernels.
+    """One worker compiles the localizer while others work on what can do without it; side by side on the
+    files that need it, all would compile the same kernels.
 
     A file's tests go to one worker, which makes their fixtures once, as do those of some folders. All live
     services go to one worker, as two at a time would take the processor from each other; those that measure
     in real time come last.
     """
-    root = Path(__file__).parent
 
     def turn(item: pytest.Item) -> int:
-        name = item.path.relative_to(root).as_posix()
+        name = _name(item.path)
         if name in FIRST:
             return 0
         if _is_realtime(item):
-            return 4
+            return 5
         if _is_live(item):
+            return 1
+        if name.startswith(WITHOUT):
             return 2
-        return 1 if name.startswith(WITHOUT) else 3
+        return 3 if name.startswith(TOGETHER) else 4
 
     items.sort(key=turn)
     for item in items:
         if item.get_closest_marker("long") is not None:
             item.add_marker("slow")
-        group = item.path.relative_to(root).as_posix()
+        group = _name(item.path)
         if group in FIRST:
             group = "first"
         elif _is_realtime(item) or _is_live(item):
@@ -100,12 +120,31 @@ def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> bool | None:
     pytest.skip(f"cannot be judged: the host took {taken} of the processors' time in {ATTEMPTS} attempts")
 
 
+@cache  # thousands of tests are in hundreds of files
+def _name(path: Path) -> str:
+    """A file's name within this folder."""
+    return path.relative_to(Path(__file__).parent).as_posix()
+
+
 def _is_realtime(item: pytest.Item) -> bool:
     return item.get_closest_marker("realtime") is not None
 
 
 def _is_live(item: pytest.Item) -> bool:
     return isinstance(item, pytest.Function) and not LIVE.isdisjoint(vars(item.module))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _no_collection_pauses(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Simulated devices run in this process, where a full collection takes 0.1 to 0.2 s: a burst on all their
+    wires, which no device would cause. Objects that exist now are left out of it."""
+    if LIVE.isdisjoint(vars(request.module)):
+        yield
+        return
+    gc.collect()
+    gc.freeze()
+    yield
+    gc.unfreeze()
 
 
 @pytest.fixture(autouse=True)

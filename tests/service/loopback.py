@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from contactsense.service.mock.playback import Playback, SimClock
+from contactsense.service.mock.playback import NS, Playback, SimClock
 from contactsense.service.mock.playback_controller import PlaybackController
 from contactsense.service.mock.rtde_server import RtdeServer
 
@@ -56,6 +56,11 @@ def rtde_server(feed=FEED, *, host="127.0.0.1", port=0, version=(5, 23, 0, 0), f
     controller = PlaybackController(feed, playback, version=version, fields=fields)
     with RtdeServer(controller, SimClock(), host=host, port=port, **options) as server:
         yield server
+
+
+def waiting_clock() -> SimClock:
+    """Simulated time that waits for its start: a busy computer connects late."""
+    return SimClock(time.monotonic_ns() + 3600 * NS)
 
 
 def own_address() -> str:

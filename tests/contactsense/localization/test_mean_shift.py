@@ -17,7 +17,7 @@ def places_of(points: np.ndarray, weight: float | np.ndarray = 1.0) -> np.ndarra
     return np.vstack((points.T, np.broadcast_to(weight, len(points))))
 
 
-@settings(max_examples=200, deadline=None, derandomize=True)
+@settings(max_examples=200)
 @given(st.integers(0, 2**32 - 1), st.floats(0.01, 0.2))
 def test_it_never_ends_where_the_density_is_lower(seed: int, size: float) -> None:
     rng = np.random.default_rng(seed)

@@ -29,7 +29,7 @@ def _packed(shape: Primitive) -> Surfaces:
 
 
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.kind)
-@settings(max_examples=200, derandomize=True, deadline=None)
+@settings(max_examples=200)
 @given(target=TRIPLE, direction=TRIPLE, size=st.sampled_from([1e-9, 1.0, 1e9]))
 def test_a_line_through_the_body_is_followed_to_its_first_intersection(
     shape: Primitive, target: tuple[float, ...], direction: tuple[float, ...], size: float
@@ -64,7 +64,7 @@ def _least_distance(kind: int, size: np.ndarray, points: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.kind)
-@settings(max_examples=100, derandomize=True, deadline=None)
+@settings(max_examples=100)
 @given(direction=TRIPLE, offset=st.floats(1.05, 30.0))
 def test_a_line_that_misses_returns_a_point_that_can_be_pushed(
     shape: Primitive, direction: tuple[float, ...], offset: float

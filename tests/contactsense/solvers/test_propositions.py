@@ -39,7 +39,7 @@ BODIES = st.one_of(
 )
 
 
-@settings(max_examples=300, deadline=None, derandomize=True)
+@settings(max_examples=300)
 @given(body=BODIES, seed=st.integers(0, 2**32 - 1))
 def test_proposition_1_the_centroid_lies_on_the_side_of_the_contacts(body: Surface, seed: int) -> None:
     """Several contacts on one side of a plane, their tractions' projections inside: so is the centroid on
@@ -74,7 +74,7 @@ def _inside(body: Surface, feet: np.ndarray, points: np.ndarray, normals: np.nda
     return bool(np.all(feet @ planes.T - np.sum(at * planes, axis=1) <= 1e-12))
 
 
-@settings(max_examples=300, deadline=None, derandomize=True)
+@settings(max_examples=300)
 @given(body=BODIES, seed=st.integers(0, 2**32 - 1))
 def test_proposition_2_the_contact_is_the_only_one(body: Surface, seed: int) -> None:
     """Whatever pushing contact makes the wrench, it is the one that is found."""
@@ -90,7 +90,7 @@ def test_proposition_2_the_contact_is_the_only_one(body: Surface, seed: int) -> 
         np.testing.assert_allclose(found.centroid, c, atol=1e-9)
 
 
-@settings(max_examples=200, deadline=None, derandomize=True)
+@settings(max_examples=200)
 @given(body=BODIES, seed=st.integers(0, 2**32 - 1))
 def test_every_wrench_with_a_torsion_has_a_contact(body: Surface, seed: int) -> None:
     """Theory, section 4: on a bounded convex body a pushing contact exists for every wrench with f.m other

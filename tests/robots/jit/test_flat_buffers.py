@@ -92,7 +92,7 @@ def _filled(joints: int, sensors: int) -> State:
     return state
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.integers(1, 7), st.integers(0, 3))
 def test_a_kernel_changes_what_python_sees_and_nothing_else(joints: int, sensors: int) -> None:
     expected = _filled(joints, sensors)

@@ -88,7 +88,7 @@ def test_distance_agrees_with_brute_force(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-@settings(derandomize=True, deadline=None, max_examples=150)
+@settings(max_examples=150)
 @given(x=coordinate, y=coordinate, z=coordinate)
 def test_projection_is_consistent(name: str, x: float, y: float, z: float) -> None:
     kind, size = kind_and_size(name)
@@ -108,7 +108,7 @@ def test_projection_is_consistent(name: str, x: float, y: float, z: float) -> No
 
 
 @pytest.mark.parametrize("name", NAMES)
-@settings(derandomize=True, deadline=None, max_examples=150)
+@settings(max_examples=150)
 @given(x=coordinate, y=coordinate, z=coordinate, reach=st.floats(-0.05, 0.3))
 def test_nothing_within_reach_is_out_of_it(name: str, x: float, y: float, z: float, reach: float) -> None:
     kind, size = kind_and_size(name)

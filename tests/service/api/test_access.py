@@ -240,7 +240,7 @@ def test_too_many_half_requests_and_idle_connections_give_way() -> None:
     with guarded(service, connections=6, head_time=30.0) as place, contextlib.ExitStack() as stack:
         host, port = place.split(":")
         counts = service.state.service.connections
-        idle = stack.enter_context(httpx.Client(base_url=f"http://{place}"))
+        idle = stack.enter_context(httpx.Client(base_url=f"http://{place}", timeout=http.PATIENCE))
         assert idle.get("/v1/ready").status_code == 200
         for _ in range(30):
             half = stack.enter_context(socket.create_connection((host, int(port))))
@@ -281,7 +281,10 @@ def test_a_body_that_does_not_arrive_is_given_up(monkeypatch: pytest.MonkeyPatch
 
 
 def test_too_many_requests_are_refused() -> None:
-    with guarded(app(max_request_rate=5.0)) as place, httpx.Client(base_url=f"http://{place}") as client:
+    with (
+        guarded(app(max_request_rate=1.0)) as place,
+        httpx.Client(base_url=f"http://{place}", timeout=http.PATIENCE) as client,
+    ):
         answers = [client.get("/v1/robot") for _ in range(30)]
     statuses = {answer.status_code for answer in answers}
     assert statuses == {200, 429}
@@ -363,7 +366,9 @@ def test_tls(tmp_path: Path) -> None:
             assert until(lambda: server.started)
             trusted = ssl.create_default_context(cafile=str(certificate))
             place = f"https://127.0.0.1:{listener.getsockname()[1]}/v1/health"
-            assert json.loads(httpx.get(place, verify=trusted).text)["status"] == "idle"
+            assert (
+                json.loads(httpx.get(place, verify=trusted, timeout=http.PATIENCE).text)["status"] == "idle"
+            )
         finally:
             server.should_exit = True
             thread.join()

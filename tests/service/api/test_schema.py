@@ -38,7 +38,7 @@ def test_the_interface_is_as_it_is_described(place: str) -> None:
         operation = found.ok()
 
         @given(case=operation.as_strategy())
-        @settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+        @settings(max_examples=60, suppress_health_check=list(HealthCheck))
         def check(case: schemathesis.Case) -> None:
             response = case.call(base_url=url)
             # No robot: 503 is right, and described.

@@ -2,7 +2,6 @@
 
 import asyncio
 import ctypes
-import math
 import re
 import socket
 import subprocess
@@ -12,6 +11,7 @@ import time
 import xmlrpc.client
 from collections.abc import Iterator
 from contextlib import contextmanager
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -72,7 +72,11 @@ def rules() -> ReactionRules:
 
 
 @pytest.fixture
-def hub() -> Hub:
+def hub(monkeypatch: pytest.MonkeyPatch) -> Hub:
+    """For which time stands still: an estimate is as new as it was, however slow the computer is."""
+    standing = SimpleNamespace(monotonic=lambda: 1000.0)
+    monkeypatch.setattr("contactsense.service.live.hub.time", standing)
+    monkeypatch.setattr("contactsense.service.controllers.robot_program.time", standing)
     return Hub()
 
 
@@ -95,8 +99,7 @@ def test_a_contact(hub: Hub, methods: RobotProgramMethods) -> None:
     assert methods.call("link", []) == pytest.approx([CONTACT, 3, 0.8, 0.1, 0.2, 0.3])
     assert methods.call("wrench", []) == pytest.approx([CONTACT, 3.0, 0.0, -4.0, 0.1, 0.0, 0.3])
     code, contacts, latched, age, t = methods.call("status", [])
-    assert (code, contacts, latched, t) == (CONTACT, 1, 0, 2.5)
-    assert 0.0 <= age < 0.1
+    assert (code, contacts, latched, age, t) == (CONTACT, 1, 0, 0.0, 2.5)
     assert methods.call("version", [])[:2] == [CONTACT, INTERFACE]
 
 
@@ -120,7 +123,7 @@ def test_an_old_estimate_is_none(hub: Hub, methods: RobotProgramMethods) -> None
     hub.publish(2.5, estimate(TOUCH))
     hub.last_arrival -= 0.2
     assert methods.call("contact", [])[0] == NO_ESTIMATE
-    assert methods.call("status", [])[3] == pytest.approx(0.2, abs=0.05)
+    assert methods.call("status", [])[3] == pytest.approx(0.2)
 
 
 def test_without_a_pipeline_there_is_no_estimate(hub: Hub) -> None:
@@ -172,7 +175,6 @@ def test_pythons_xmlrpc_client(hub: Hub, methods: RobotProgramMethods) -> None:
         host, port = places["xmlrpc_port"]
         with xmlrpc.client.ServerProxy(f"http://{host}:{port}/RPC2") as client:
             for _ in range(3):  # over one connection
-                hub.publish(2.5, estimate(TOUCH))
                 assert client.contactsense_contact()[:3] == [CONTACT, 7, 3]
             assert client.contactsense_expect("door") == [CONTACT]
             assert client.contactsense_expect(3) == [CONTACT]
@@ -198,7 +200,6 @@ def test_a_client_that_is_not_pythons(
     except OSError as error:
         pytest.skip(f"the C client of XML-RPC is absent (Debian: libxmlrpc-core-c3): {error}")
     hub.publish(2.5, estimate(TOUCH))
-    hub.last_arrival = math.inf  # stays new while the client starts
     with ports(methods) as places:
         host, port = places["xmlrpc_port"]
         url = f"http://{host}:{port}/RPC2"
@@ -224,7 +225,6 @@ def test_the_line_socket(hub: Hub, methods: RobotProgramMethods) -> None:
     with ports(methods) as places, socket.create_connection(places["line_port"], timeout=10) as client:
         stream = client.makefile("rb")
         for piece in (b"con", b"tact\nlink\r\n", b"nonsense\n\xff\n", b"a" * 500 + b"\nexpect 3\n"):
-            hub.publish(2.5, estimate(TOUCH))
             client.sendall(piece)
             time.sleep(0.02)
         lines = [stream.readline() for _ in range(6)]

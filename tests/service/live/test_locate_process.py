@@ -3,6 +3,7 @@
 import asyncio
 import os
 import signal
+import threading
 import time
 from multiprocessing.context import SpawnProcess
 from typing import Any
@@ -108,11 +109,12 @@ def test_a_request_that_is_cancelled_keeps_its_turn_until_it_is_answered(
     """Both would wait on one connection, and the second would read the answer of the first."""
     at_once: list[int] = []
     working: list[object] = []
+    answered = threading.Event()
 
     def ask(_: LocateProcess, samples: list[StaticSample], external: bool) -> list[bytes]:
         working.append(samples)
         at_once.append(len(working))
-        time.sleep(0.2)
+        answered.wait(10.0)
         working.remove(samples)
         return [b"" for _ in samples]
 
@@ -120,9 +122,12 @@ def test_a_request_that_is_cancelled_keeps_its_turn_until_it_is_answered(
         monkeypatch.setattr(LocateProcess, "_ask", ask)
         process = LocateProcess(Scene(robot="ur5e"))
         first = asyncio.create_task(process.locate([SAMPLE], True))
-        await asyncio.sleep(0.05)
+        assert await asyncio.to_thread(until, lambda: working)
         first.cancel()
-        assert len(await process.locate([SAMPLE] * 2, True)) == 2
+        second = asyncio.create_task(process.locate([SAMPLE] * 2, True))
+        await asyncio.sleep(0.05)  # for a second one that would not wait for its turn
+        answered.set()
+        assert len(await second) == 2
         assert first.cancelled()
         assert process._waiting == 0
 

@@ -14,7 +14,7 @@ import pytest
 from contactsense.service.mock.netft_server import NetFtServer
 from contactsense.service.mock.playback import Playback, PlaybackWrench, SimClock
 from contactsense.service.wire.netft import SATURATED, Configuration
-from tests.service.loopback import SmallFeed, until
+from tests.service.loopback import SmallFeed, until, waiting_clock
 
 SECONDS = np.arange(5000) / 500.0
 WRENCH = np.column_stack(
@@ -156,11 +156,13 @@ def test_the_sensor_may_stand_otherwise_than_the_base():
 
 
 def test_delay_and_a_fast_clock():
-    clock = SimClock(time.monotonic_ns() + 100_000_000)
+    clock = waiting_clock()
     with (
         NetFtServer(READINGS, clock, port=0, http_port=0, delay=0.1, clock_scale=1.5) as server,
         asking(server, 2) as receive,
     ):
+        assert until(lambda: server.clients == 1)
+        clock.start()
         assert receive()[1] == 0
         assert time.monotonic_ns() - clock.start_ns >= 100_000_000
         record = receive()

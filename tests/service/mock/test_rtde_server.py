@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from contactsense.service.mock.cell import TORQUE_CONSTANTS
-from contactsense.service.mock.playback import Playback, SimClock
+from contactsense.service.mock.playback import Playback
 from contactsense.service.mock.playback_controller import PlaybackController
 from contactsense.service.mock.rtde_server import RtdeServer
 from contactsense.service.mock.sent_log import SentLog
 from contactsense.service.mock.wire_faults import Fault
-from tests.service.loopback import FEED, SmallFeed, own_address, rtde_server, until
+from tests.service.loopback import FEED, SmallFeed, own_address, rtde_server, until, waiting_clock
 from tests.service.ur_rtde import ur_rtde_installed
 
 
@@ -223,10 +223,11 @@ def test_text_messages_and_the_log_of_departures(tmp_path):
 
 
 def test_simulated_time_may_begin_later_and_packets_may_leave_late():
-    clock = SimClock(time.monotonic_ns() + 300_000_000)
+    clock = waiting_clock()
     controller = PlaybackController(FEED, Playback(FEED))
     with RtdeServer(controller, clock, port=0, delay=0.05) as server, PlainClient(server) as client:
         client.start("timestamp")
+        clock.start()
         stamp = client.data(">Bd")[1]
         assert stamp == 0.0
         assert time.monotonic_ns() - clock.start_ns >= 50_000_000
@@ -275,9 +276,10 @@ while True:  # the getters are not of one instant: take a set between two equal 
     )
     if robot.getTimestamp() == stamp:
         break
-later = robot.getTimestamp
-time.sleep(0.1)
-print(json.dumps(dict(values, timestamp=stamp, alive=later() > stamp, connected=robot.isConnected())))
+end = time.monotonic() + 10.0
+while (later := robot.getTimestamp()) == stamp and time.monotonic() < end:
+    time.sleep(0.01)
+print(json.dumps(dict(values, timestamp=stamp, alive=later > stamp, connected=robot.isConnected())))
 """
 
 

@@ -303,7 +303,7 @@ def test_there_and_back_through_pandas_and_arrow(tmp_path: Path) -> None:
     assert "50 samples" in repr(recording)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(st.sampled_from([0.0, 0.002, 0.002, 0.002, 0.5, -3.0, float("nan")]), max_size=60), st.data())
 def test_the_checker_does_not_depend_on_where_blocks_end(steps: list[float], data: st.DataObject) -> None:
     t = np.cumsum(np.nan_to_num(np.array([1.0, 0.002, 0.002, *steps])))

@@ -1,11 +1,8 @@
 """Settings and samples of a `LiveSource` that the mock feeds."""
 
-import time
-
 import numpy as np
 
 from contactsense.scene import Scene
-from contactsense.service.mock.playback import NS, SimClock
 from contactsense.service.mock.servers import MockSettings
 from contactsense.service.sensors.live_source import SourceSettings
 from tests.service.loopback import SmallFeed, until
@@ -28,11 +25,6 @@ def settings_for(servers, **changes):
         wrench_http_port=servers.netft.http_port,
         **changes,
     )
-
-
-def waiting_clock():
-    """Simulated time that waits for its start: a busy computer connects late."""
-    return SimClock(time.monotonic_ns() + 3600 * NS)
 
 
 def start_when_connected(servers, source):

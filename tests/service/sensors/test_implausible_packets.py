@@ -8,7 +8,7 @@ from contactsense.service.mock.cell import TORQUE_CONSTANTS
 from contactsense.service.mock.servers import MockServers
 from contactsense.service.mock.wire_faults import Fault
 from contactsense.service.sensors.live_source import LiveSource, SourceSettings
-from tests.service.loopback import until
+from tests.service.loopback import until, waiting_clock
 from tests.service.sensors.mock_source import (
     FEED,
     MOCK,
@@ -16,7 +16,6 @@ from tests.service.sensors.mock_source import (
     collect,
     settings_for,
     start_when_connected,
-    waiting_clock,
 )
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -19,7 +19,6 @@ def test_a_sensor_at_the_base_origin_says_it_as_it_is():
     assert np.array_equal(WrenchMap.of(WrenchSensor()).to_base, np.eye(6))
 
 
-@settings(derandomize=True, deadline=None)
 @given(triple, triple, triple, triple)
 def test_a_force_is_the_same_force_from_wherever_it_is_felt(rpy, place, force, point):
     sensor = WrenchSensor(rpy=rpy, translation=place)
@@ -30,7 +29,6 @@ def test_a_force_is_the_same_force_from_wherever_it_is_felt(rpy, place, force, p
     assert np.allclose(WrenchMap.of(sensor).to_base @ felt, meant, atol=1e-9)
 
 
-@settings(derandomize=True, deadline=None)
 @given(triple, triple, st.sampled_from(["arm_on_sensor", "sensor_on_arm"]))
 def test_there_and_back(rpy, place, sign):
     both = WrenchMap.of(WrenchSensor(rpy=rpy, translation=place, sign=sign))

@@ -16,8 +16,8 @@ from contactsense.service.mock.servers import MockServers, MockSettings
 from contactsense.service.sensors.live_source import LiveSource, SourceSettings
 from contactsense.service.sensors.network_wrench import WrenchSource
 from tests.contactsense.link_sensors.truth import ARM, BASE, SENSOR, STEP, TORQUE, stream
-from tests.service.loopback import SmallFeed, until
-from tests.service.sensors.mock_source import start_when_connected, waiting_clock
+from tests.service.loopback import SmallFeed, until, waiting_clock
+from tests.service.sensors.mock_source import start_when_connected
 
 MOCK = MockSettings(rtde_port=0, netft_port=0, http_port=0)
 REGISTERS = tuple(f"output_double_register_{i}" for i in range(12))

@@ -3,7 +3,7 @@
 from contextlib import suppress
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from contactsense.service.wire import netft as wire
@@ -20,14 +20,12 @@ def test_bytes_by_hand():
     )
 
 
-@settings(derandomize=True, deadline=None)
 @given(st.sampled_from(wire.Command), u32)
 def test_requests_round_trip(command, count):
     request = wire.Request(command, count)
     assert wire.parse_request(request.encode()) == request
 
 
-@settings(derandomize=True, deadline=None)
 @given(st.binary(max_size=60))
 def test_any_datagram_is_read_or_refused(noise):
     with suppress(wire.RdtProtocolError):

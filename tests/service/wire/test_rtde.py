@@ -103,7 +103,6 @@ reply = st.one_of(
 
 
 @pytest.mark.parametrize(("messages", "parse"), [(request, wire.parse_request), (reply, wire.parse_reply)])
-@settings(derandomize=True, deadline=None)
 @given(data=st.data())
 def test_round_trip_in_random_pieces(messages, parse, data):
     sent = data.draw(st.lists(messages, max_size=8))
@@ -117,7 +116,7 @@ def test_round_trip_in_random_pieces(messages, parse, data):
     assert got == sent
 
 
-@settings(derandomize=True, deadline=None, max_examples=300)
+@settings(max_examples=300)
 @given(st.binary(max_size=200), st.booleans())
 def test_any_bytes_give_frames_or_an_error_and_an_end(noise, from_client):
     decoder = wire.FrameDecoder()
@@ -191,7 +190,6 @@ def value(kind: str) -> st.SearchStrategy:
     }[TYPE_CODES[kind][-1]]
 
 
-@settings(derandomize=True, deadline=None)
 @given(st.data())
 def test_recipes_round_trip(data):
     types = data.draw(st.lists(st.sampled_from(sorted(TYPE_CODES)), min_size=1, max_size=30))
