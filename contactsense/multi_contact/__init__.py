@@ -10,5 +10,5 @@ minimized by Gauss-Newton, and sets of one, two and three contacts compete by lo
 best. What is known of earlier contacts enters as `known_rows` and `known_prior`, or, where it is broad, as
 `known_place_mixture`. Pairs that many places explain are summed (`pair_likelihood`, `summed_pairs`), and
 pooled with the optima (`pooled_evidence`). `locator` does this for one measurement, `tracker` for a stream;
-`set_reduction` merges those of the explanations that overlap, before they are reported.
+`set_reduction` adds those that overlap with the answer to it, before they are reported.
 """

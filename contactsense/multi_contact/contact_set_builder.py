@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from contactsense.multi_contact.buffers import MAX_CONTACTS
-from contactsense.multi_contact.set_reduction import merge_overlapping_sets
+from contactsense.multi_contact.set_reduction import merge_with_answer
 from contactsense.output.estimate_builder import EstimateBuilder
 from contactsense.output.fast_dataclass import mutable_twin
 from contactsense.robots.jit.kernel import kernel
@@ -38,7 +38,7 @@ class ContactSetBuilder:
         self._clear, self._has_base = scene.clear, scene.base_wrench is not None
         # Compiled before the first sample that several contacts explain.
         no_sets = np.zeros((0, WIDTH)), np.zeros(0, dtype=np.int64), np.zeros(0)
-        merge_overlapping_sets(*no_sets[:2])
+        merge_with_answer(*no_sets[:2])
         state_marginal_probabilities(*no_sets, np.zeros(len(self._names)))
 
     def sets(
@@ -76,8 +76,8 @@ class ContactSetBuilder:
                 t, "degraded" if reason else "ambiguous", f"{reason}; {why}".strip("; ")
             )
         stated = rows.copy()
-        if self._has_base:
-            stated, counts = merge_overlapping_sets(rows, counts)
+        if self._has_base and known_count > 0:
+            stated, counts = merge_with_answer(rows, counts)
         probability = np.empty(len(counts))
         link_probability = np.zeros(len(self._names))
         state_marginal_probabilities(stated, counts, probability, link_probability)

@@ -3,12 +3,17 @@
 import numpy as np
 import pytest
 
+from contactsense import Scene, WrenchSensor
 from contactsense.multi_contact.contact_set_builder import (
     SAME_POINT_DISTANCE,
+    ContactSetBuilder,
     _largest_deviation,
     state_marginal_probabilities,
 )
-from contactsense.runtime.result_rows import LINK, POINT_BASE, PROBABILITY, WIDTH
+from contactsense.output.estimate_builder import EstimateBuilder
+from contactsense.runtime.constants import build_constants
+from contactsense.runtime.result_rows import COVARIANCE, LINK, POINT_BASE, PROBABILITY, WIDTH
+from contactsense.runtime.state import empty_state
 
 COUNTS = np.array([1, 2, 3, 2, 2])
 STATED = np.array([0.3, 0.25, 0.2, 0.15, 0.1])
@@ -45,3 +50,24 @@ def test_the_largest_deviation_is_along_an_axis_of_the_ellipsoid(deviations: tup
     axes, _ = np.linalg.qr(np.random.default_rng(1).standard_normal((3, 3)))
     covariance = axes @ np.diag(np.square(deviations)) @ axes.T
     assert _largest_deviation(covariance) == pytest.approx(max(deviations), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("sensor", "known_count", "expected"),
+    [(WrenchSensor(), 1, [1.0]), (WrenchSensor(), 0, [0.6, 0.4]), (None, 1, [0.6, 0.4])],
+)
+def test_explanations_that_overlap_are_one_where_a_contact_is_known(
+    sensor: WrenchSensor | None, known_count: int, expected: list[float]
+) -> None:
+    # Two at once have places that depend on each other; torques alone leave wide densities.
+    scene = Scene(robot="ur5e", base_wrench=sensor)
+    constants = build_constants(scene)
+    builder = ContactSetBuilder(scene, EstimateBuilder(scene, constants, empty_state(constants)))
+    rows = np.zeros((4, WIDTH))
+    rows[:, LINK], rows[:, PROBABILITY] = [2, 3, 2, 3], [0.6, 0.6, 0.4, 0.4]
+    rows[:, COVARIANCE] = 1e-4 * np.eye(3).ravel()
+    rows[3, POINT_BASE] = 0.01
+    found = builder.sets(
+        0.0, rows, np.array([2, 2]), np.zeros(6), np.zeros((6, 6)), rank=8, known_count=known_count
+    )
+    assert [explanation.probability for explanation in found.explanations] == pytest.approx(expected)

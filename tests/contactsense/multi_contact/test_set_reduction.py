@@ -5,7 +5,7 @@ import pytest
 
 from contactsense import Scene
 from contactsense.localization.mixture_reduction import SIGNIFICANT_DISTANCE, merge_overlapping
-from contactsense.multi_contact.set_reduction import merge_overlapping_sets
+from contactsense.multi_contact.set_reduction import merge_with_answer
 from contactsense.runtime.constants import build_constants
 from contactsense.runtime.result_rows import COVARIANCE, LINK, POINT_BASE, PRIMITIVE, PROBABILITY, WIDTH
 from contactsense.runtime.state import empty_state
@@ -30,7 +30,7 @@ def test_pairs_on_the_same_links_and_places_are_one() -> None:
     moved = [[0.01, 0.0, 0.0], [0.5, 0.0, 0.02]]
     rows, counts = _rows(links, [0.4, 0.2, 0.15, 0.2, 0.05], [near, near, far, moved, near[:1]], 0.01)
     untouched = rows.copy()
-    merged, left = merge_overlapping_sets(rows, counts)
+    merged, left = merge_with_answer(rows, counts)
     np.testing.assert_array_equal(rows, untouched)
     assert left.tolist() == [2, 2, 2, 1]
     np.testing.assert_allclose(merged[[0, 2, 4, 6], PROBABILITY], [0.6, 0.2, 0.15, 0.05])
@@ -45,7 +45,7 @@ def test_one_place_that_differs_is_enough_for_another_explanation() -> None:
     for factor, left in ((0.99, 1), (1.01, 2)):
         other = [near[0], [0.5, factor * distance, 0.0]]
         rows, counts = _rows([[2, 4], [2, 4]], [0.7, 0.3], [near, other], 0.01)
-        assert len(merge_overlapping_sets(rows, counts)[1]) == left
+        assert len(merge_with_answer(rows, counts)[1]) == left
 
 
 def test_the_distances_of_all_places_add_up() -> None:
@@ -54,20 +54,20 @@ def test_the_distances_of_all_places_add_up() -> None:
     for factor, left in ((0.99, 1), (1.01, 2)):
         other = [[0.0, 0.0, factor * distance], [0.5, factor * distance, 0.0]]
         rows, counts = _rows([[2, 4], [2, 4]], [0.7, 0.3], [near, other], 0.01)
-        assert len(merge_overlapping_sets(rows, counts)[1]) == left
+        assert len(merge_with_answer(rows, counts)[1]) == left
 
 
-def test_the_first_set_stays_the_first() -> None:
-    # It is the one that explains the measurement by an optimum, whatever the others add up to.
+def test_only_the_answer_absorbs_others() -> None:
+    # Of two others that overlap, each keeps its own place: they are told apart from the answer.
     places = [[[0.1 * i, 0.0, 0.0]] for i in (0, 1, 2, 2)]
-    rows, counts = _rows([[2], [2], [2], [2]], [0.3, 0.3, 0.2, 0.2], places, 0.005)
-    merged, _ = merge_overlapping_sets(rows, counts)
-    np.testing.assert_allclose(merged[:, PROBABILITY], [0.3, 0.4, 0.3])
-    np.testing.assert_allclose(merged[:, POINT_BASE][:, 0], [0.0, 0.2, 0.1])
+    rows, counts = _rows([[2], [2], [2], [2]], [0.4, 0.3, 0.2, 0.1], places, 0.005)
+    merged, left = merge_with_answer(rows, counts)
+    np.testing.assert_array_equal(merged, rows)
+    np.testing.assert_array_equal(left, counts)
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_sets_of_one_contact_are_merged_as_its_candidates_are(seed: int) -> None:
+def test_one_contact_is_merged_as_its_candidates_are(seed: int) -> None:
     constants, rng = build_constants(Scene(robot="ur5e")), np.random.default_rng(seed)
     candidates, count = empty_state(constants).candidates, 7
     primitive = rng.integers(0, 6, count)
@@ -82,18 +82,14 @@ def test_sets_of_one_contact_are_merged_as_its_candidates_are(seed: int) -> None
     candidates.point[:count] = rows[:, POINT_BASE]
     candidates.covariance[:count] = rows[:, COVARIANCE].reshape(count, 3, 3)
 
-    merged, _ = merge_overlapping_sets(rows, np.ones(count, dtype=np.int64))
-    left = candidates.order[: merge_overlapping(constants.surfaces, candidates, count)]
+    merged, _ = merge_with_answer(rows, np.ones(count, dtype=np.int64))
+    merge_overlapping(constants.surfaces, candidates, count)
 
-    by_probability = np.argsort(-merged[:, PROBABILITY], kind="stable")
-    np.testing.assert_allclose(merged[by_probability, PROBABILITY], candidates.probability[left])
-    np.testing.assert_array_equal(merged[by_probability, POINT_BASE], candidates.point[left])
-    np.testing.assert_allclose(
-        merged[by_probability, COVARIANCE].reshape(-1, 3, 3), candidates.covariance[left]
-    )
+    assert merged[0, PROBABILITY] == pytest.approx(candidates.probability[0])
+    np.testing.assert_allclose(merged[0, COVARIANCE].reshape(3, 3), candidates.covariance[0])
 
 
 def test_no_set_at_all() -> None:
-    merged, counts = merge_overlapping_sets(np.zeros((0, WIDTH)), np.zeros(0, dtype=np.int64))
+    merged, counts = merge_with_answer(np.zeros((0, WIDTH)), np.zeros(0, dtype=np.int64))
     assert merged.shape == (0, WIDTH)
     assert len(counts) == 0
