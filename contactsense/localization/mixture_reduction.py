@@ -1,4 +1,4 @@
-"""Reduction of the mixture that is reported: explanations whose places do not differ significantly are one.
+"""Reduction of the mixture that is reported: candidates whose places do not differ significantly are one.
 
 A place near an edge, or on two primitives that continue each other, has a candidate on each of them, and the
 distributions of both overlap. The more probable one absorbs the other: it takes the second moments of both

@@ -75,9 +75,10 @@ class ContactSetBuilder:
             return self._estimate_builder.without_contacts(
                 t, "degraded" if reason else "ambiguous", f"{reason}; {why}".strip("; ")
             )
-        stated = rows.copy()
         if self._has_base and known_count > 0:
             stated, counts = merge_with_answer(rows, counts)
+        else:
+            stated = rows.copy()
         probability = np.empty(len(counts))
         link_probability = np.zeros(len(self._names))
         state_marginal_probabilities(stated, counts, probability, link_probability)

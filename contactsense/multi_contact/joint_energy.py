@@ -1,6 +1,6 @@
 """Energy of several simultaneous contacts: points, forces and torsions; its gradient and Gauss-Newton matrix.
 
-The energy is that of `contactsense.solvers.posterior.contact_prior`, with one measurement for all contacts:
+The energy is that of `contactsense.solvers.posterior.equations`, with one measurement for all contacts:
 
     E = 1/2 |y - sum_i A_i w_i|^2 + sum_i [ priors of force, friction ratio, torsion and surface offset ]
         + 1/2 |U (z - z0)|^2

@@ -50,10 +50,10 @@ def _is_same(rows: np.ndarray, other: int, count: int) -> bool:
     distance = 0.0
     for i in range(count):
         a, b = rows[i], rows[other + i]
-        own = second_moments(a[COVARIANCE].reshape(3, 3), (0.0, 0.0, 0.0))
-        offset = subtract(vector(b[POINT_BASE]), vector(a[POINT_BASE]))
         if a[LINK] != b[LINK]:
             return False
+        own = second_moments(a[COVARIANCE].reshape(3, 3), (0.0, 0.0, 0.0))
+        offset = subtract(vector(b[POINT_BASE]), vector(a[POINT_BASE]))
         distance += squared_distance(own, b[COVARIANCE].reshape(3, 3), offset)
     return distance < SIGNIFICANT_DISTANCE
 

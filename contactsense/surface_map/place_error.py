@@ -1,11 +1,11 @@
 """Covariance of the place that the localizer finds for a push, and the radius around it that holds a given
 share of the answers.
 
-The unknowns of a contact on one link are those of `contactsense.solvers.posterior.contact_prior`: the
-relative normal force, the two ratios of tangential to normal force and the torsion ratio, each in units of
-its prior's standard deviation, and the step v along the two tangents of the surface [m]. With the Jacobian J
-of the residuals, in units of their noise, and the information D of the priors, the localizer's answer is
-linear in noise and prior for small errors, with the Gauss-Newton matrix H = J^T J + D. So its covariance is
+The unknowns of a contact on one link are those of `contactsense.solvers.posterior`: the relative normal
+force, the two ratios of tangential to normal force and the torsion ratio, each in units of its prior's
+standard deviation, and the step v along the two tangents of the surface [m]. With the Jacobian J of the
+residuals, in units of their noise, and the information D of the priors, the localizer's answer is linear in
+noise and prior for small errors, with the Gauss-Newton matrix H = J^T J + D. So its covariance is
 
     H^-1 (J^T J + D V D) H^-1
 

@@ -3,8 +3,8 @@
 Divided by the body's extent (x = (c - inner) / extent) a wrench is u, v as on the unit sphere
 (`contactsense.solvers.closed_form.ellipsoid`). Let N be the body's gauge about the inner point, homogeneous
 of degree one and 1 on the surface. At any x the quadratic form Q = hess (N^2 / 2) is that of an ellipsoid
-about the inner point that has the surface's gradient and curvature there. Its contact obeys v = K Q x + x x
-u, so with D^2 = det Q
+about the inner point that has the surface's gradient and curvature there. Its contact obeys
+v = K Q x + x x u, so with D^2 = det Q
 
     (K D)^2 - l^2 = v . adj(Q) v - u . Q u,      K l = -u . v,      l = -u . Q x
 

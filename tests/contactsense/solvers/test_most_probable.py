@@ -131,7 +131,7 @@ def test_no_contact_nearby_is_more_probable(surface: Surface) -> None:
 
 
 def energy(contact: Any, w: np.ndarray, covariance: np.ndarray) -> float:
-    """The negative log posterior, written out (`contactsense.solvers.posterior.contact_prior`)."""
+    """The negative log posterior, written out (`contactsense.solvers.posterior.equations`)."""
     e = np.concatenate((contact.force, contact.moment)) - w
     F = -contact.force @ contact.normal
     across = np.linalg.norm(contact.force + F * contact.normal)
