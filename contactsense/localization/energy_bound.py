@@ -6,7 +6,7 @@ import math
 import numpy as np
 
 from contactsense.kinematics.logarithm import logarithm
-from contactsense.localization.simd_layout import BOUND, NX, NY, NZ, SPREAD, X, Y, Z
+from contactsense.localization.simd_layout import BOUND, NX, NY, NZ, SPREAD, TILT, X, Y, Z
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
 from contactsense.solvers.posterior.contact_prior import STUDENT_DOF
@@ -45,16 +45,17 @@ def exclude_cells(
         squared_force, force_variance: Squared force and the trace of its covariance [N^2].
         torsion_lever: Standard deviation of torsion over normal force [m].
         limit: Energy above which a cell is excluded.
-        block: Block with the cells' centres, normals and spreads; `BOUND` is filled. Loops over two arrays
-            would not be vectorized: the compiler cannot know that they do not overlap.
-        friction_ratio: Standard deviation of tangential over normal force along each tangent.
+        block: Block with the cells' centres, normals, spreads and tilts; `BOUND` is filled. Loops over two
+            arrays would not be vectorized: the compiler cannot know that they do not overlap.
+        friction_ratio: Standard deviation of tangential over normal force along each tangent, on a surface
+            that is not tilted.
     """
     # Upper bound of the squared force; times a squared lever it bounds the variance of the moment.
     force, margin = math.sqrt(squared_force), FORCE_SIGMAS * math.sqrt(force_variance)
     max_squared_force = (force + margin) ** 2
     max_outward = PULL_SHARE * force
     min_push = MIN_PUSH_SHARE * force
-    ratio_scale = 1.0 / (friction_ratio * friction_ratio * STUDENT_DOF)
+    squared_friction_ratio = friction_ratio * friction_ratio
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = (
         R[0, 0], R[0, 1], R[0, 2], R[1, 0], R[1, 1], R[1, 2], R[2, 0], R[2, 1], R[2, 2],
     )  # fmt: skip
@@ -99,7 +100,8 @@ def exclude_cells(
         )
         push = max(margin - outward_force, min_push)
         tangential = max(math.sqrt(max(squared_force - outward_force * outward_force, 0.0)) - margin, 0.0)
-        ratio = tangential / push
-        friction = 0.5 * (STUDENT_DOF + 2.0) * logarithm(1.0 + ratio_scale * ratio * ratio)
+        ratio_variance = squared_friction_ratio + block[TILT + j] * block[TILT + j]
+        squared_ratio = tangential * tangential / (push * push * ratio_variance)
+        friction = 0.5 * (STUDENT_DOF + 2.0) * logarithm(1.0 + squared_ratio / STUDENT_DOF)
         energy = 0.5 * mahalanobis / det + friction
         block[BOUND + j] = math.inf if (energy > limit) | (outward_force > max_outward) else energy

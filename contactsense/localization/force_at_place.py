@@ -10,7 +10,7 @@ from contactsense.robots.vectors import Vector, dot, vector
 from contactsense.solvers.posterior.contact_prior import Prior
 
 from contactsense.localization.simd_layout import (  # isort: skip
-    CHI, FX, FY, FZ, NX, NY, NZ, SPREAD, X, Y, Z,
+    CHI, FX, FY, FZ, NX, NY, NZ, SPREAD, TILT, X, Y, Z,
 )  # fmt: skip
 
 FIXED_SPREAD = 1e-4
@@ -32,7 +32,7 @@ def force_at_place(
 
     Args:
         w, L: Wrench about the frame's origin and its information matrix, shapes (6,) and (6, 6).
-        prior: Prior of contacts.
+        prior: Prior of a contact at the place, the tilt of the surface included.
         force_deviation: Root of the trace of the force's covariance [N]; infinite if it is not measured.
         point: The place [m], in the same frame.
         normal: Outward unit normal there.
@@ -44,7 +44,7 @@ def force_at_place(
     """
     block[X], block[Y], block[Z] = point
     block[NX], block[NY], block[NZ] = normal
-    block[SPREAD] = spread
+    block[SPREAD], block[TILT] = spread, 0.0
     find_modes(1, w, L, prior, force_deviation, math.inf, block)
     force = (block[FX], block[FY], block[FZ])
     return force, -block[CHI] * dot(force, normal)

@@ -29,8 +29,8 @@ from contactsense.solvers.posterior.contact_prior import STUDENT_DOF, Prior
 from contactsense.localization.simd_layout import (  # isort: skip
     A00, A01, A02, A03, A04, A05, A11, A12, A13, A14, A15, A22, A23, A24, A25, A33, A34, A35, A44, A45,
     A55, ACTIVE, ALPHA, BETA, CHI, DET, ENERGY, FORCE, FX, FY, FZ, LENGTH, LOG_EVIDENCE, LOG_FORCE, NX,
-    NY, NZ, PX, PY, PZ, SPREAD, T1X, T1Y, T1Z, T2X, T2Y, T2Z, V1, V2, VARIANCE, W0, W1, W2,
-    W3, W4, W5, X, Y, Z,
+    NY, NZ, PX, PY, PZ, RATIO_INFORMATION, SPREAD, T1X, T1Y, T1Z, T2X, T2Y, T2Z, TILT, V1, V2, VARIANCE,
+    W0, W1, W2, W3, W4, W5, X, Y, Z,
 )  # fmt: skip
 from contactsense.kinematics.exponential import exponential
 from contactsense.kinematics.linalg.ldl import ldl_solve_unrolled
@@ -75,19 +75,17 @@ def find_modes(
         force_deviation: Root of the trace of the force's covariance [N]. If the force is more than this,
             the search starts from it, else from a force of this size or the prior's median if that is less.
         limit: Energy above which a cell is rejected, as soon as no step promises to get below it.
-        block: The block, with centres, normals and spreads of the cells; on return, the modes and their
-            evidence.
+        block: The block, with centres, normals, spreads and tilts of the cells; on return, the modes and
+            their evidence.
     """
-    ratio_information, torsion_information = 1.0 / prior.friction_ratio**2, 1.0 / prior.torsion_lever**2
+    torsion_information = 1.0 / prior.torsion_lever**2
     measured = math.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2]) > force_deviation
     rejection_factor = REJECTION_FACTOR if measured else UNMEASURED_REJECTION_FACTOR
     _begin(count, w, L, prior, force_deviation, block)
     first, last = 0, count
     for step in range(MAX_ITERATIONS + 1):
         may_step = step < MAX_ITERATIONS
-        _gauss_newton_steps(
-            ratio_information, torsion_information, limit, rejection_factor, may_step, (first, last), block
-        )
+        _gauss_newton_steps(torsion_information, limit, rejection_factor, may_step, (first, last), block)
         # The halves in which cells are active: one of them or both. Both at once take less time than one
         # after the other, as the processor begins with the second while the first waits for its divisions.
         if not _has_active_cells(first, block):
@@ -146,6 +144,8 @@ def _begin(
             normal_force = max(-w0, min_push) if measured else push
             share = 1.0 / normal_force if measured else 0.0
             half[FORCE + j] = normal_force
+            tilt = half[TILT + j]
+            half[RATIO_INFORMATION + j] = 1.0 / (prior.friction_ratio * prior.friction_ratio + tilt * tilt)
             half[LOG_FORCE + j] = logarithm(normal_force / prior.force)
             half[ALPHA + j], half[BETA + j] = share * w1, share * w2
             half[CHI + j], half[V1 + j], half[V2 + j] = 0.0, 0.0, 0.0
@@ -154,7 +154,6 @@ def _begin(
 
 @fused_kernel
 def _gauss_newton_steps(
-    ratio_information: float,
     torsion_information: float,
     limit: float,
     rejection_factor: float,
@@ -165,8 +164,7 @@ def _gauss_newton_steps(
     """Energy, its curvature, and a Gauss-Newton step for all active cells.
 
     Args:
-        ratio_information, torsion_information: Inverse variances of the friction ratio and of the torsion
-            ratio [1/m^2].
+        torsion_information: Inverse variance of the torsion ratio [1/m^2].
         limit: Energy above which a cell is rejected.
         rejection_factor: Factor of the predicted decrease that a cell above it may still fall by.
         may_step: False in the last iteration.
@@ -187,6 +185,7 @@ def _gauss_newton_steps(
             a44, a45, a55 = half[A44 + j], half[A45 + j], half[A55 + j]
             phi, F, alpha, beta = half[LOG_FORCE + j], half[FORCE + j], half[ALPHA + j], half[BETA + j]
             chi, v1, v2 = half[CHI + j], half[V1 + j], half[V2 + j]
+            ratio_information = half[RATIO_INFORMATION + j]
             cell_information = 1.0 / (half[SPREAD + j] * half[SPREAD + j])
             # Wrench of the contact and its residual.
             f0, f1, f2 = -F, F * alpha, F * beta
@@ -283,7 +282,9 @@ def _evidence(count: int, prior: Prior, limit: float, block: np.ndarray) -> None
     for first in range(0, count, HALF):
         half = view(block, first, (LENGTH - first,))
         for j in range(HALF):
-            prior_scale = prior.friction_ratio**2 * prior.torsion_lever * half[SPREAD + j] * half[SPREAD + j]
+            prior_scale = (
+                prior.torsion_lever * half[SPREAD + j] * half[SPREAD + j] / half[RATIO_INFORMATION + j]
+            )
             log_evidence = -half[ENERGY + j] - 0.5 * logarithm(half[DET + j] * prior_scale * prior_scale)
             accepted = (half[DET + j] > 0.0) & (half[ENERGY + j] <= limit)
             half[ENERGY + j] = half[ENERGY + j] if accepted else math.inf

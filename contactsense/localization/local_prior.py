@@ -48,8 +48,8 @@ class DeviationCells(NamedTuple):
     """Its outward unit normal there."""
     displacement: Annotated[Floats, "primitives"]
     """Largest displacement of points in the cells of each primitive [m]; 0: its surface is not moved."""
-    mean_tilt: float
-    """Root mean square of the tilt in all cells of moved surfaces [rad], 0 without any."""
+    largest_displacement: float
+    """Largest displacement of all [m]; 0: no surface is moved."""
 
 
 @fused_kernel
@@ -108,5 +108,5 @@ def no_cells(primitives: int) -> DeviationCells:
         mean_point=np.zeros((0, 3)),
         mean_normal=np.zeros((0, 3)),
         displacement=np.zeros(primitives),
-        mean_tilt=0.0,
+        largest_displacement=0.0,
     )

@@ -89,14 +89,19 @@ def mean_frame(
     return rotation, origin
 
 
-def on_mean_surface(samples: S, surfaces: Surfaces, cells: DeviationCells) -> S:
-    """Samples of the primitives' surface, moved as in their cells; link frames."""
-    point, normal = samples.point.copy(), samples.normal.copy()
-    for s in np.flatnonzero(cells.displacement[samples.primitive] > 0.0):
+def with_deviations(samples: S, surfaces: Surfaces, cells: DeviationCells) -> S:
+    """Samples of the primitives' surface with the deviations of their cells: on the mean surface, with its
+    tilt; link frames."""
+    point, normal, tilt = samples.point.copy(), samples.normal.copy(), samples.tilt.copy()
+    has_cells = np.diff(cells.start) > 0
+    for s in np.flatnonzero(has_cells[samples.primitive]):
         p = int(samples.primitive[s])
         R, o = surfaces.rotation[p], surfaces.origin[p]
         local = R.T @ (point[s] - o)
         i = nearest_cell(cells, p, *local)
+        tilt[s] = cells.tilt[i]
+        if cells.displacement[p] == 0.0:
+            continue
         point[s] = R @ (cells.rotation[i] @ local + cells.translation[i]) + o
         normal[s] = R @ (cells.rotation[i] @ (R.T @ normal[s]))
-    return samples._replace(point=point, normal=normal)
+    return samples._replace(point=point, normal=normal, tilt=tilt)

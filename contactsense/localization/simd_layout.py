@@ -10,21 +10,23 @@ vectorization.
 from contactsense.robots.jit.lanes import LANES
 
 (
-    X, Y, Z, NX, NY, NZ, SPREAD,
+    X, Y, Z, NX, NY, NZ, SPREAD, TILT,
     BOUND,
     T1X, T1Y, T1Z, T2X, T2Y, T2Z,
     W0, W1, W2, W3, W4, W5,
     A00, A01, A02, A03, A04, A05, A11, A12, A13, A14, A15, A22, A23, A24, A25, A33, A34, A35, A44, A45, A55,
-    LOG_FORCE, FORCE, ALPHA, BETA, CHI, V1, V2,
+    RATIO_INFORMATION, LOG_FORCE, FORCE, ALPHA, BETA, CHI, V1, V2,
     ENERGY, DET, VARIANCE, ACTIVE,
     LOG_EVIDENCE, PX, PY, PZ, FX, FY, FZ,
-) = range(0, 59 * LANES, LANES)  # fmt: skip
+) = range(0, 61 * LANES, LANES)  # fmt: skip
 """Offsets of the quantities of a cell.
 
-`X` to `NZ`, `SPREAD`: centre [m], outward unit normal and standard deviation [m] of the cell, link frame.
+`X` to `NZ`, `SPREAD`, `TILT`: centre [m], outward unit normal, standard deviation [m] and tilt [rad] of the
+cell, link frame, see `contactsense.localization.surface_samples`.
 `BOUND`: lower bound of its energy, infinite if `contactsense.localization.energy_bound` excludes it.
 `T1X` to `T2Z`: unit tangents. `W0` to `W5`, `A00` to `A55`: measured wrench and its information matrix
 (upper triangle), about the cell's centre, in the axes of normal and tangents.
+`RATIO_INFORMATION`: inverse variance of the friction ratio.
 `LOG_FORCE`, `ALPHA`, `BETA`, `CHI`, `V1`, `V2`: the unknowns, see
 `contactsense.localization.laplace_evidence`; `FORCE`: normal force [N].
 `ACTIVE`, 1 while the iteration goes on, else 0; `DET`, determinant of the Gauss-Newton matrix (0 if it is not
@@ -33,5 +35,5 @@ Results: `ENERGY`; `LOG_EVIDENCE`, log of the mean evidence over the cell, up to
 (infinity and -infinity if the energy is above the limit); `VARIANCE` of the place [m^2]; `PX` to `FZ`, the
 most probable point [m] and force [N], link frame.
 """
-LENGTH = 59 * LANES
+LENGTH = 61 * LANES
 """Length of a block."""

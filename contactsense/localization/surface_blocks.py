@@ -24,7 +24,7 @@ class SurfaceBlocks(NamedTuple):
     """B blocks of up to `LANES` samples of one link that are near each other."""
 
     cells: Annotated[Floats, f"blocks, {BOUND}"]
-    """`X` to `SPREAD` of each sample as in `contactsense.localization.simd_layout`; the last sample repeated
+    """`X` to `TILT` of each sample as in `contactsense.localization.simd_layout`; the last sample repeated
     if a block is not full."""
     sample: Annotated[Integers, f"blocks, {LANES}"]
     """The samples, the last one repeated."""
@@ -49,7 +49,7 @@ def surface_blocks(surfaces: Surfaces, samples: SurfaceSamples) -> SurfaceBlocks
         [np.pad(block, (0, LANES - len(block)), mode="edge") for block in members], dtype=np.int64
     )
     rows = rows.reshape(-1, LANES)
-    columns = np.column_stack((samples.point, samples.normal, samples.spread))
+    columns = np.column_stack((samples.point, samples.normal, samples.spread, samples.tilt))
     point, spread = samples.point[rows], samples.spread[rows]
     centre = 0.5 * (point.min(axis=1) + point.max(axis=1))
     reach = np.linalg.norm(point - centre[:, None], axis=2) + CELL_REACH * spread

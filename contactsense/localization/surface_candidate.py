@@ -100,7 +100,7 @@ def build_candidate(
             # No cell is on the face that is nearest, as at a thin edge.
             place = vector(cells.point[nearest_row])
             point = _project_onto_link(surfaces, scene.deviations, candidates, row, link, (R, o), place)
-        _fit_force(hypotheses, link, (R, o), prior, point, cells, candidates, row)
+        _fit_force(hypotheses, link, (R, o), local, point, cells, candidates, row)
     dx, dy, dz = subtract(point, centre)
     # Second moments about the new point.
     C = (

@@ -38,7 +38,7 @@ from contactsense.solvers.posterior.contact_prior import Prior
 from contactsense.solvers.posterior.mode import ENERGY_CUTOFF
 
 from contactsense.localization.simd_layout import (  # isort: skip
-    BOUND, CHI, ENERGY, FX, FY, FZ, LOG_EVIDENCE, NX, NY, NZ, PX, PY, PZ, SPREAD, VARIANCE, X, Y, Z,
+    BOUND, CHI, ENERGY, FX, FY, FZ, LOG_EVIDENCE, NX, NY, NZ, PX, PY, PZ, SPREAD, TILT, VARIANCE, X, Y, Z,
 )  # fmt: skip
 
 SUBDIVIDE_WITHIN = 3.0
@@ -298,7 +298,7 @@ def _load_lane(
     c, n = samples.point, samples.normal
     block[X + j], block[Y + j], block[Z + j] = c[s, 0], c[s, 1], c[s, 2]
     block[NX + j], block[NY + j], block[NZ + j] = n[s, 0], n[s, 1], n[s, 2]
-    block[SPREAD + j] = samples.spread[s]
+    block[SPREAD + j], block[TILT + j] = samples.spread[s], samples.tilt[s]
     indices[j] = s
 
 

@@ -43,6 +43,9 @@ class SurfaceSamples(NamedTuple):
     """Standard deviation of the cell along each tangent [m]."""
     log_share: Annotated[Floats, "samples"]
     """Logarithm of the cell's share of the touchable area."""
+    tilt: Annotated[Floats, "samples"]
+    """Standard deviation of the angle between the real surface's normal and `normal`, along each tangent
+    [rad]."""
     primitive: Annotated[Integers, "samples"]
     """Primitive on which it lies."""
     start: Annotated[Integers, "primitives + 1"]
@@ -60,6 +63,9 @@ class SurfaceSubsamples(NamedTuple):
     """Standard deviation of the subcell along each tangent [m]."""
     log_share: Annotated[Floats, "subsamples"]
     """Logarithm of the subcell's share of the touchable area."""
+    tilt: Annotated[Floats, "subsamples"]
+    """Standard deviation of the angle between the real surface's normal and `normal`, along each tangent
+    [rad]."""
     primitive: Annotated[Integers, "subsamples"]
     """Primitive on which it lies; may differ from that of the cell's sample."""
     start: Annotated[Integers, "samples + 1"]
@@ -84,7 +90,8 @@ class Patches(NamedTuple):
 def sample_surface(
     surfaces: Surfaces, unsearched_area: float = 0.0
 ) -> tuple[SurfaceSamples, SurfaceSubsamples, float]:
-    """Samples of all primitives, their subsamples, and the area of the touchable surface [m^2].
+    """Samples of all primitives, their subsamples, and the area of the touchable surface [m^2]. No
+    sample has a `tilt`: `contactsense.localization.mean_surface.with_deviations`.
 
     `unsearched_area` is that of the arm's other links [m^2]: cells are no smaller where links are left out.
 
@@ -135,21 +142,27 @@ def _sampled(
     order = np.argsort(cell.primitive, kind="stable")
     start = np.searchsorted(cell.primitive[order], np.arange(len(surfaces.kind) + 1)).astype(np.int64)
     point, normal, primitive, spread, weight = (values[order] for values in cell)
-    samples = SurfaceSamples(point, normal, spread, np.log(weight / area), primitive, start)
+    samples = SurfaceSamples(
+        point, normal, spread, np.log(weight / area), np.zeros(len(spread)), primitive, start
+    )
     counts = np.concatenate(subcell_counts)
     of_cell = np.repeat(np.argsort(order), counts)
     point, normal, primitive, spread, weight = (
         values[np.argsort(of_cell, kind="stable")] for values in subcell
     )
     first = np.concatenate(([0], np.cumsum(counts[order])))
-    return samples, SurfaceSubsamples(point, normal, spread, np.log(weight / area), primitive, first), area
+    subsamples = SurfaceSubsamples(
+        point, normal, spread, np.log(weight / area), np.zeros(len(spread)), primitive, first
+    )
+    return samples, subsamples, area
 
 
 def _no_samples(primitives: int) -> tuple[SurfaceSamples, SurfaceSubsamples]:
     vectors, scalars = np.zeros((0, 3)), np.zeros(0)
     primitive, start = np.zeros(0, dtype=np.int64), np.zeros(primitives + 1, dtype=np.int64)
-    return SurfaceSamples(vectors, vectors, scalars, scalars, primitive, start), SurfaceSubsamples(
-        vectors, vectors, scalars, scalars, primitive, start[:1]
+    return (
+        SurfaceSamples(vectors, vectors, scalars, scalars, scalars, primitive, start),
+        SurfaceSubsamples(vectors, vectors, scalars, scalars, scalars, primitive, start[:1]),
     )
 
 

@@ -59,7 +59,7 @@ def search_surface(
     _, cells, candidates = arrays
     cells.unassigned_evidence[:] = -math.inf
     rows, best, divided = evaluate_cells(
-        scene, searched, motion, hypotheses, wrench_measured, _with_tilt(prior, scene.deviations), arrays,
+        scene, searched, motion, hypotheses, wrench_measured, prior, arrays,
         -competing_evidence,
     )  # fmt: skip
     if best == -math.inf:
@@ -83,21 +83,6 @@ def search_surface(
             link = surfaces.link[cells.primitive[s]]
             cells.unassigned_evidence[link] = _log_add(cells.unassigned_evidence[link], cells.score[s])
     return count
-
-
-@fused_kernel
-def _with_tilt(prior: Prior, deviations: DeviationCells) -> Prior:
-    """The prior with the tilt that remains on a mean surface: one for all cells, as a sum over many samples
-    hardly depends on how it is distributed."""
-    return Prior(
-        math.sqrt(prior.friction_ratio * prior.friction_ratio + deviations.mean_tilt * deviations.mean_tilt),
-        prior.torsion_lever,
-        prior.surface_deviation,
-        prior.force,
-        prior.clearance,
-        prior.area,
-        prior.log_link_density,
-    )
 
 
 @fused_kernel

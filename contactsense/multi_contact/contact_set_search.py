@@ -228,7 +228,7 @@ def _search_from(
             )  # fmt: skip
         limit = lowest_energy + ENERGY_MARGIN
         fill_set_evidence(surfaces, prior, rows, m, known, count, lanes, limit, joint)
-        if surface.deviations.mean_tilt > 0.0 and move_to_cells(
+        if surface.deviations.largest_displacement > 0.0 and move_to_cells(
             surface, prior, known.contacts, count, lanes, joint
         ):
             fill_set_evidence(surfaces, prior, rows, m, known, count, lanes, limit, joint)

@@ -9,7 +9,7 @@ from contactsense.detection.thresholds import LONGEST_STEP_MS, stream_thresholds
 from contactsense.isolation.link_hypotheses import SensorModel
 from contactsense.kinematics.model import Model, build_model
 from contactsense.localization.local_prior import DeviationCells
-from contactsense.localization.mean_surface import on_mean_surface
+from contactsense.localization.mean_surface import with_deviations
 from contactsense.localization.none_of_these import LeftOutLinks
 from contactsense.localization.surface_blocks import SurfaceBlocks, surface_blocks
 from contactsense.localization.surface_samples import SurfaceSamples, SurfaceSubsamples, sample_surface
@@ -93,8 +93,8 @@ def build_constants(scene: Scene) -> Constants:
     unsearched = unsearched_surfaces(scene)
     samples, subsamples, area = sample_surface(surfaces, float(unsearched.area.sum()))
     deviations = deviation_cells(scene, surfaces)
-    samples = on_mean_surface(samples, surfaces, deviations)
-    subsamples = on_mean_surface(subsamples, surfaces, deviations)
+    samples = with_deviations(samples, surfaces, deviations)
+    subsamples = with_deviations(subsamples, surfaces, deviations)
     share = area_share(surfaces, samples, len(scene.link_names))
     return Constants(
         model=model_with_tool(scene),

@@ -44,7 +44,6 @@ def deviation_cells(scene: Scene, surfaces: Surfaces) -> DeviationCells:
     displacement = _largest(owner, np.array([cell.displacement for cell in found]), primitives)
     largest = _largest(owner, ratio, primitives)
     largest[largest == 0.0] = 1.0
-    moved = displacement[owner] > 0.0
     return DeviationCells(
         point=np.array([cell.point for cell in found]),
         ratio=ratio,
@@ -56,7 +55,7 @@ def deviation_cells(scene: Scene, surfaces: Surfaces) -> DeviationCells:
         mean_point=np.array([cell.mean_point for cell in found]),
         mean_normal=np.array([cell.mean_normal for cell in found]),
         displacement=displacement,
-        mean_tilt=float(np.sqrt(np.mean(tilt[moved] ** 2))) if moved.any() else 0.0,
+        largest_displacement=float(displacement.max()),
     )
 
 

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from contactsense.localization.energy_bound import FORCE_SIGMAS, PULL_SHARE, exclude_cells
 from contactsense.localization.laplace_evidence import find_modes
-from contactsense.localization.simd_layout import BOUND, ENERGY, LENGTH, NX, SPREAD, X
+from contactsense.localization.simd_layout import BOUND, ENERGY, LENGTH, NX, SPREAD, TILT, X
 from contactsense.robots.jit.lanes import LANES
 from contactsense.solvers.posterior.contact_prior import Prior
 
@@ -59,7 +59,8 @@ def test_a_pulled_cell_is_excluded() -> None:
     np.testing.assert_array_equal(_excluded(block), np.cos(angle) > PULL_SHARE)
 
 
-def test_the_bound_is_below_the_energy_of_the_best_contact_in_a_cell() -> None:
+@pytest.mark.parametrize("tilt", [0.0, 0.3])
+def test_the_bound_is_below_the_energy_of_the_best_contact_in_a_cell(tilt: float) -> None:
     rng = np.random.default_rng(3)
     prior = Prior(0.25, LEVER, 0.001, 20.0, 0.005, 1.0, np.zeros(1))
     P, force = np.diag([0.04] * 3 + [0.0025] * 3), np.array([0.0, 0.0, -20.0])
@@ -68,6 +69,7 @@ def test_the_bound_is_below_the_energy_of_the_best_contact_in_a_cell() -> None:
         point, angle = rng.normal(size=(LANES, 3)) * 0.02, rng.uniform(0.0, 1.3, LANES)
         normal = np.column_stack((np.sin(angle), np.zeros(LANES), np.cos(angle)))
         block = _block(point, normal, np.full(LANES, 0.01))
+        block[TILT : TILT + LANES] = rng.uniform(0.0, tilt, LANES)
         w = np.hstack((force, rng.normal(size=3) * 0.1))
         exclude_cells(w, P, np.eye(3), np.zeros(3), 400.0, 0.12, LEVER, np.inf, block, prior.friction_ratio)
         bound = block[BOUND : BOUND + LANES].copy()
@@ -78,3 +80,17 @@ def test_the_bound_is_below_the_energy_of_the_best_contact_in_a_cell() -> None:
         ratios.append(bound / energy)
     # It is not far below: friction alone explains most of the energy here.
     assert np.median(ratios) > 0.6
+
+
+def test_the_tilt_of_the_real_surface_counts_as_friction() -> None:
+    rng = np.random.default_rng(4)
+    angle = rng.uniform(0.0, 1.3, LANES)
+    normal = np.column_stack((np.sin(angle), np.zeros(LANES), np.cos(angle)))
+    w, P = np.hstack(([0.0, 0.0, -20.0], 0.1 * rng.normal(size=3))), np.diag([0.04] * 3 + [0.0025] * 3)
+    bounds = []
+    for friction_ratio, tilt in ((0.3, 0.4), (0.5, 0.0)):
+        block = _block(np.zeros((LANES, 3)), normal, np.full(LANES, 0.01))
+        block[TILT : TILT + LANES] = tilt
+        exclude_cells(w, P, np.eye(3), np.zeros(3), 400.0, 0.12, LEVER, np.inf, block, friction_ratio)
+        bounds.append(block[BOUND : BOUND + LANES].copy())
+    np.testing.assert_allclose(*bounds, rtol=1e-9)

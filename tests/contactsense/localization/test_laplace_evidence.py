@@ -13,7 +13,8 @@ from contactsense.solvers.posterior.contact_prior import STUDENT_DOF, Prior
 from contactsense.solvers.posterior.mode import ENERGY_CUTOFF
 
 from contactsense.localization.simd_layout import (  # isort: skip
-    A00, A55, ENERGY, FX, FY, FZ, LENGTH, LOG_EVIDENCE, NX, PX, PY, PZ, SPREAD, T1X, T2X, VARIANCE, W0, W5, X,
+    A00, A55, ENERGY, FX, FY, FZ, LENGTH, LOG_EVIDENCE, NX, PX, PY, PZ, SPREAD, T1X, T2X, TILT, VARIANCE, W0,
+    W5, X,
 )  # fmt: skip
 
 PRIOR = Prior(
@@ -119,6 +120,19 @@ def test_the_initial_force_does_not_matter() -> None:
 def test_hard_cases_give_numbers(w: np.ndarray, scale: float) -> None:
     result = _evaluate(w, scale * np.eye(6))
     assert not np.isnan(result).any()
+
+
+def test_the_tilt_of_the_real_surface_counts_as_friction() -> None:
+    rng = np.random.default_rng(7)
+    root = rng.standard_normal((6, 6))
+    L, w = root @ root.T, _draw_from_prior(rng, 1)[0][0]
+    found = []
+    for friction_ratio, tilt in ((0.3, 0.4), (0.5, 0.0)):
+        block = _fill_block([(*PLACE, *NORMAL, WIDTH)])
+        block[TILT] = tilt
+        find_modes(1, w, L, PRIOR._replace(friction_ratio=friction_ratio), 0.0, np.inf, block)
+        found.append([block[quantity] for quantity in (ENERGY, LOG_EVIDENCE, PX, PY, PZ, FX, FY, FZ)])
+    np.testing.assert_allclose(*found, rtol=1e-9)
 
 
 def test_the_result_of_a_cell_is_independent_of_its_lane() -> None:

@@ -1,5 +1,7 @@
 """The mean surface of coarse primitives: their motion, which cell a force enters, and contacts on it."""
 
+from typing import Literal
+
 import numpy as np
 import pytest
 
@@ -48,7 +50,7 @@ def test_fine_primitives_and_those_of_a_stated_error_are_not_moved() -> None:
     for scene in (Scene(robot="ur5e"), Scene(robot="ur5e", detail="coarse", surface_error=0.004)):
         cells = build_constants(scene).deviations
         assert not cells.displacement.any()
-        assert cells.mean_tilt == 0.0
+        assert cells.largest_displacement == 0.0
 
 
 def test_a_force_through_the_centre_of_a_cell_enters_there(constants: Constants) -> None:
@@ -96,6 +98,22 @@ def test_samples_lie_on_the_mean_surface(constants: Constants) -> None:
             np.testing.assert_allclose(
                 moved.normal[s], R @ cells.rotation[i] @ R.T @ before.normal[s], atol=1e-12
             )
+
+
+@pytest.mark.parametrize("detail", ["coarse", "fine"])
+def test_samples_are_as_tilted_as_their_cells(detail: Literal["coarse", "fine"]) -> None:
+    constants = build_constants(Scene(robot="ur5e", detail=detail))
+    still = build_constants(Scene(robot="ur5e", detail=detail, surface_error=0.004))
+    surfaces, cells = constants.surfaces, constants.deviations
+    for samples, before in ((constants.samples, still.samples), (constants.subsamples, still.subsamples)):
+        assert not before.tilt.any()
+        for s, p in enumerate(samples.primitive):
+            local = surfaces.rotation[p].T @ (before.point[s] - surfaces.origin[p])
+            own = slice(cells.start[p], cells.start[p + 1])
+            assert (
+                samples.tilt[s] == cells.tilt[own][np.linalg.norm(cells.point[own] - local, axis=1).argmin()]
+            )
+        assert len(np.unique(samples.tilt)) > 10
 
 
 @kernel
