@@ -16,11 +16,14 @@ from typing import Any, TypeVar
 import numba
 from numba import njit
 from numba.core.caching import IndexDataCacheFile
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
+from numba.core.sigutils import normalize_signature
 from numba.core.types import Array, BaseTuple, unliteral
 
 from contactsense.robots.jit import code_library
 from contactsense.robots.jit.code_library import KernelCompiler, LinkedCompiler
+from contactsense.robots.jit.compile_lock import compile_lock
 
 F = TypeVar("F", bound=Callable[..., Any])
 """A kernel keeps the signature of its function."""
@@ -166,7 +169,24 @@ def _jit(function: Callable[..., Any], compile_options: frozenset[str]) -> Any:
     return compiled
 
 
-class Kernel(CPUDispatcher):
+class _CompiledOnce(CPUDispatcher):
+    """A function that is compiled by one process at a time; the next one loads it from the cache."""
+
+    _cache: Any
+
+    def compile(self, sig: Any) -> Any:
+        """Numba calls this for each set of argument types, to compile it or to load it from the cache."""
+        index = getattr(self._cache, "_cache_file", None)
+        arguments, _ = normalize_signature(sig)  # type: ignore[no-untyped-call]
+        if index is None or tuple(arguments) in self.overloads:
+            return super().compile(sig)
+        # Numba's own lock first, as one thread of this process holds it while it compiles. A function is
+        # locked before those that it calls, in each process, so that no two wait for each other.
+        with global_compiler_lock, compile_lock(Path(f"{index._index_path}.lock")):
+            return super().compile(sig)
+
+
+class Kernel(_CompiledOnce):
     """A kernel that Python can call; other kernels call a variant of it that Python cannot.
 
     Most kernels are called by kernels only, and half of the time of compiling them all would go into code
@@ -223,7 +243,7 @@ def _holds_arrays(kind: Any) -> bool:
     return isinstance(kind, Array) or any(_holds_arrays(part) for part in parts)
 
 
-class _KernelForKernels(CPUDispatcher):
+class _KernelForKernels(_CompiledOnce):
     def __call__(self, *args: Any, **kws: Any) -> Any:
         raise TypeError(f"{self.py_func.__qualname__}: expected a call by a kernel, got one by Python")
 
