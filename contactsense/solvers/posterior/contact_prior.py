@@ -11,6 +11,9 @@ from contactsense.solvers.posterior.block import LENGTH
 
 STUDENT_DOF = 4.0
 """Degrees of freedom nu of the Student t distribution of the friction ratio."""
+FORCE_POWER = 4.0
+"""The widths of the priors of normal force, torsion and tangential force along both tangents are proportional
+to the normal force F: their joint density is proportional to F to the power of minus this."""
 MIN_INITIAL_FORCE = 1e-3
 """Initial force of a search if the fused wrench has none [N]."""
 
@@ -63,15 +66,16 @@ class SearchBuffers(NamedTuple):
 
 
 @fused_kernel
-def log_prior(prior: Prior, normal_force: float) -> float:
-    """Log of the prior density at its peak for a normal force [N], times (2 pi)^3.
+def log_prior(prior: Prior, force: float) -> float:
+    """Log of the prior density at its peak for a force of that magnitude [N], times (2 pi)^3; what depends on
+    its direction is part of the energy.
 
     The place is uniform by area here: `Prior.log_link_density` belongs to the link. The factor is that of
     Laplace's integral over force, torsion and place.
     """
     return math.log(
         2.0 * math.pi / (prior.friction_ratio * prior.friction_ratio * prior.torsion_lever * prior.area)
-    ) - 4.0 * math.log(normal_force)
+    ) - FORCE_POWER * math.log(force)
 
 
 @fused_kernel

@@ -6,17 +6,22 @@ fused wrench w_k of the link hypothesis, its information matrix L, and the resid
 - w_k, the energy (negative log posterior) is
 
     E = 1/2 d^T L' d + 1/2 (xi / (lever F))^2 + (nu + 2)/2 log(1 + rho^2 / nu) + 1/2 log(F / F0)^2
+        - 2 log(1 + |f_t|^2 / F^2)
 
 with the normal force F = -f . n and the friction ratio rho = |f_t| / (friction_ratio F).
 
 The second term limits the torsion that a contact patch transmits. The third limits the friction: a force
 that is uniform on the friction disc has the standard deviation friction_ratio = mu / 2 along each tangent.
 The distribution is Student's t with nu degrees of freedom; its heavy tail allows for ribs, steps and screw
-heads that the primitives do not model and where the real normal differs. The last term is a log-normal
+heads that the primitives do not model and where the real normal differs. The fourth term is a log-normal
 prior of the normal force with median F0 and log standard deviation 1. It matters only if the sensors do
-not determine the force. L' is L with the uncertainty of the surface: an offset of standard deviation s
-along the normal adds s^2 u u^T to the covariance, u = (0, n x f). The 6x6 Gauss-Newton matrix at the mode
-gives the covariance and the evidence (Laplace approximation).
+not determine the force. These are densities of log F, xi / F and f_t / F; that of f and xi is 1 / F^4 times
+as high, (1 + |f_t|^2 / F^2)^2 / |f|^4: hence the last term. Without it the mode would be up to half a
+standard deviation from the mean on a round link, where F changes with the place.
+
+L' is L with the uncertainty of the surface: an offset of standard deviation s along the normal adds s^2 u u^T
+to the covariance, u = (0, n x f). The 6x6 Gauss-Newton matrix at the mode gives the evidence (Laplace
+approximation) and the covariance (`contactsense.solvers.posterior.friction_tails`).
 
 The functions are inlined and have no branches: `contactsense.solvers.posterior.energy` calls them
 for one contact, `contactsense.solvers.posterior.simd` in loops that are vectorized.
@@ -36,8 +41,10 @@ from contactsense.kinematics.wrench_information import (
 )
 from contactsense.robots.jit.kernel import inlined_fused_kernel
 from contactsense.robots.vectors import Vector, tangents
-from contactsense.solvers.posterior.contact_prior import STUDENT_DOF, Contact
+from contactsense.solvers.posterior.contact_prior import FORCE_POWER, STUDENT_DOF, Contact
 
+LEAST_WEIGHT = 0.1
+"""Lower bound of the weight of the friction ratio, for coefficients of friction above 1.2."""
 Information = tuple[Block, Block, Block]
 """An information matrix, as `contactsense.kinematics.wrench_information.blocks` splits it."""
 Inflation = tuple[Six, float, float]
@@ -108,14 +115,16 @@ def energy_of(
     squared_ratio = (fx * fx + fy * fy + fz * fz - normal_force * normal_force) * ratio_unit * ratio_unit
     log_force = logarithm(normal_force / median_force)
     energy = 0.5 * (dLd - gain * vd * vd + torsion_ratio * torsion_ratio)
-    return energy + _energy_of_force(log_force, squared_ratio), normal_force, log_force
+    return energy + _energy_of_force(log_force, squared_ratio, friction_ratio), normal_force, log_force
 
 
 @inlined_fused_kernel
-def _energy_of_force(log_force: float, squared_ratio: float) -> float:
+def _energy_of_force(log_force: float, squared_ratio: float, friction_ratio: float) -> float:
     """The energy's terms of log(F / F0) and of the friction ratio's square rho^2."""
-    friction = (STUDENT_DOF + 2.0) * logarithm(1.0 + squared_ratio / STUDENT_DOF)
-    return float(0.5 * (log_force * log_force + friction))
+    # The sum of (nu + 2) / 2 = 3 and -FORCE_POWER / 2 = -2 logarithms is one logarithm.
+    tail = 1.0 + squared_ratio / STUDENT_DOF
+    share = tail / (1.0 + squared_ratio * friction_ratio * friction_ratio)
+    return float(0.5 * log_force * log_force + logarithm(tail * share * share))
 
 
 @inlined_fused_kernel
@@ -188,10 +197,13 @@ def gauss_newton_equations(
     inverse = 1.0 / normal_force
     torsion_unit = inverse / torsion_lever
     r1 = xi * torsion_unit
-    # Weight of the Student t term: the factor that gives a quadratic the same gradient.
+    # Weight of the terms of the friction ratio: the factor that gives a quadratic the same gradient.
     ratio_unit = inverse / friction_ratio
     squared_ratio = (f1 * f1 + f2 * f2) * ratio_unit * ratio_unit
-    p = ratio_unit * math.sqrt((STUDENT_DOF + 2.0) / (STUDENT_DOF + squared_ratio))
+    squared_friction = friction_ratio * friction_ratio
+    tail, density = STUDENT_DOF + squared_ratio, 1.0 + squared_friction * squared_ratio
+    weight = ((STUDENT_DOF + 2.0) * density - FORCE_POWER * squared_friction * tail) / (tail * density)
+    p = ratio_unit * math.sqrt(max(weight, LEAST_WEIGHT))
     r3, r4 = f1 * p, f2 * p
     q1, q3, q4 = r1 * inverse, r3 * inverse, r4 * inverse
     k11, k12, k22 = k11 * normal_force, k12 * normal_force, k22 * normal_force
@@ -245,5 +257,5 @@ def gauss_newton_equations(
         h00, h01, h02, h03, h04, h05, h11, h12, h13, h14, h15,
         h22, h23, h24, h25, h33, h34, h35, h44, h45, h55,
     )  # fmt: skip
-    energy += _energy_of_force(log_force, squared_ratio)
+    energy += _energy_of_force(log_force, squared_ratio, friction_ratio)
     return matrix, (g0, g1, g2, g3, g4, g5), (t1, t2), energy

@@ -13,8 +13,9 @@ import numpy as np
 from contactsense.kinematics.logarithm import logarithm
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import REVOLVED, curvature
-from contactsense.robots.vectors import Vector
+from contactsense.robots.vectors import Vector, norm
 from contactsense.solvers.posterior.contact_prior import Contact, Prior, log_prior
+from contactsense.solvers.posterior.friction_tails import curvature_along, with_friction_tails
 from contactsense.solvers.posterior.simd import (
     contact_of,
     energies_of_trials,
@@ -283,8 +284,11 @@ def mode_of(j: int, prior: Prior, block: np.ndarray) -> Mode:
     )
     if block[SEARCH + j] != CONVERGED or not block[DET + j] > 0.0:
         return Mode(math.inf, -math.inf, contact, (0.0, 0.0, 0.0), tangents)
-    (nx, ny, nz), (fx, fy, fz) = contact.normal, contact.force
-    normal_force = -(fx * nx + fy * ny + fz * nz)
     log_ratio = logarithm(block[DET + j]) + logarithm(block[VARIANCE_RATIO + j])
-    log_evidence = log_prior(prior, normal_force) - block[ENERGY + j] - 0.5 * log_ratio
-    return Mode(block[ENERGY + j], log_evidence, contact, (v11, v12, v22), tangents)
+    log_evidence = log_prior(prior, norm(contact.force)) - block[ENERGY + j] - 0.5 * log_ratio
+    shape_operator = (
+        block[KXX + j], block[KXY + j], block[KXZ + j], block[KYY + j], block[KYZ + j], block[KZZ + j],
+    )  # fmt: skip
+    curvature_there = curvature_along(shape_operator, tangents)
+    variances = with_friction_tails((v11, v12, v22), curvature_there, contact, prior.friction_ratio)
+    return Mode(block[ENERGY + j], log_evidence, contact, variances, tangents)

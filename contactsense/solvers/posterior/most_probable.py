@@ -22,6 +22,7 @@ from contactsense.solvers.posterior.contact_prior import (
 )
 from contactsense.solvers.posterior.energy import energy_at, inflate_by_surface_deviation, linearize
 from contactsense.solvers.posterior.equations import Inflation
+from contactsense.solvers.posterior.friction_tails import with_friction_tails
 from contactsense.solvers.solution import Status
 from contactsense.solvers.solve_wrench import Method, solve_wrench
 
@@ -242,13 +243,15 @@ class _Search:
     def contact(self, s: _State, variances: tuple[float, float, float], log_det: float) -> ProbableContact:
         inflation = self.inflation(s)
         energy = self.energy(s, inflation)
-        v11, v12, v22 = variances
         T = self.buffers.frame[:, 1:]
+        K = T.T @ self.surface.shape_operator(s.c, s.n) @ T
+        curvature = (float(K[0, 0]), float(K[0, 1]), float(K[1, 1]))
+        v11, v12, v22 = with_friction_tails(variances, curvature, s.contact(), self.prior.friction_ratio)
         covariance = T @ np.array(((v11, v12), (v12, v22))) @ T.T
         covariance += self.prior.surface_deviation**2 * np.outer(s.n, s.n)
         evidence = -math.inf
         if log_det < math.inf:
-            evidence = log_prior(self.prior, -float(s.f @ s.n)) - energy
+            evidence = log_prior(self.prior, float(np.linalg.norm(s.f))) - energy
             evidence -= 0.5 * (log_det + math.log(inflation[2]))
         return ProbableContact(Status.OK, s.c, s.n, s.f, s.xi, covariance, energy, evidence)
 

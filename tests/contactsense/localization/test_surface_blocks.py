@@ -65,6 +65,7 @@ def test_links_without_samples_have_no_blocks() -> None:
         point=constants.samples.point[alone],
         normal=constants.samples.normal[alone],
         spread=constants.samples.spread[alone],
+        tilt=constants.samples.tilt[alone],
         primitive=constants.samples.primitive[alone],
         start=np.searchsorted(constants.samples.primitive[alone], np.arange(len(surfaces.kind) + 1)),
     )

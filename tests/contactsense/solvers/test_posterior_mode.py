@@ -2,13 +2,20 @@
 
 import numpy as np
 import pytest
+from scipy import stats
 from scipy.optimize import minimize
 
 from contactsense.kinematics.wrench_information import to_body_frame
 from contactsense.robots import Inertia, Link
 from contactsense.robots.primitives import Box, Capsule, Cylinder, Ellipsoid, Primitive, Sphere
 from contactsense.robots.surface.convex_primitives import pack, project
-from contactsense.solvers.posterior.contact_prior import STUDENT_DOF, Contact, Prior, pushing_force
+from contactsense.solvers.posterior.contact_prior import (
+    STUDENT_DOF,
+    Contact,
+    Prior,
+    log_prior,
+    pushing_force,
+)
 from contactsense.solvers.posterior.energy import energy_at, inflate_by_surface_deviation
 from contactsense.solvers.posterior.mode import ENERGY_CUTOFF, ENERGY_TOLERANCE, Mode
 from contactsense.solvers.wrench import wrench_of
@@ -178,12 +185,41 @@ def test_the_surface_deviation_adds_to_the_covariance() -> None:
     expected += (
         0.5 * (STUDENT_DOF + 2) * np.log(1 + squared_ratio / STUDENT_DOF)
         + 0.5 * np.log(normal_force / prior.force) ** 2
+        + 4 * np.log(normal_force / np.linalg.norm(f))
     )
     contact = Contact(tuple(c.tolist()), tuple(n.tolist()), tuple(f.tolist()), float(xi))
     inflation = inflate_by_surface_deviation(information, prior, contact)
     energy, variance_ratio = energy_at(wrench, information, prior, inflation, contact), inflation[2]
     assert energy == pytest.approx(expected, rel=1e-12)
     assert variance_ratio == pytest.approx(np.linalg.det(covariance) * np.linalg.det(information), rel=1e-10)
+
+
+def test_the_energy_is_that_of_the_density_of_force_and_torsion() -> None:
+    """The priors are densities of log F, f_t / F and xi / F; the search moves f and xi."""
+    rng = np.random.default_rng(6)
+    differences = []
+    for _ in range(50):
+        normal = rng.standard_normal(3)
+        normal /= np.linalg.norm(normal)
+        force, xi = rng.standard_normal(3) * 20.0, 0.05 * rng.standard_normal()
+        F = -force @ normal
+        if F <= 0.0:
+            continue
+        ratio = force / F + normal
+        log_density = stats.lognorm(1.0, scale=PRIOR.force).logpdf(F)
+        scale = PRIOR.friction_ratio**2 * np.eye(2)
+        tangents = np.linalg.svd(normal[None])[2][1:]
+        log_density += stats.multivariate_t(shape=scale, df=STUDENT_DOF).logpdf(
+            tangents @ ratio
+        ) - 2 * np.log(F)
+        log_density += stats.norm(scale=PRIOR.torsion_lever * F).logpdf(xi)
+        contact = Contact((0.0, 0.0, 0.0), tuple(normal.tolist()), tuple(force.tolist()), xi)
+        unmeasured = np.zeros((6, 6))
+        inflation = inflate_by_surface_deviation(unmeasured, PRIOR, contact)
+        energy = energy_at(np.zeros(6), unmeasured, PRIOR, inflation, contact)
+        differences.append(log_prior(PRIOR, float(np.linalg.norm(force))) - energy - log_density)
+    assert len(differences) > 10
+    np.testing.assert_allclose(differences, 3.0 * np.log(2.0 * np.pi), rtol=1e-9)
 
 
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.kind)

@@ -19,6 +19,7 @@ from contactsense.solvers.posterior.mode import (
     ENERGY_CUTOFF,
     ENERGY_TOLERANCE,
     IDLE,
+    Mode,
     begin_search,
     find_posterior_modes,
     mode_of,
@@ -74,10 +75,9 @@ def _begin(block: np.ndarray, wrenches: np.ndarray, other: np.ndarray) -> None:
         begin_search(j, Contact(entry.point, entry.normal, force, 0.0), other[j], -math.inf, PRIOR, block)
 
 
-@pytest.mark.parametrize("seed", range(20))
-def test_each_lane_is_as_if_it_were_alone(seed: int) -> None:
-    block, wrenches, information = _loaded(seed)
-    alone = []
+def _alone(block: np.ndarray, wrenches: np.ndarray, information: np.ndarray) -> list[Mode]:
+    """The mode of each lane, searched in a block of its own."""
+    modes = []
     for j in ROWS:
         measured = wrench_of(wrenches[j, :3], wrenches[j, 3:])
         _, point, normal = enter_surface(KIND[j], SIZE[j], measured)
@@ -85,9 +85,15 @@ def test_each_lane_is_as_if_it_were_alone(seed: int) -> None:
         np.testing.assert_allclose(found.point, point, atol=1e-12)
         np.testing.assert_allclose(found.normal, normal, atol=1e-9)
         start = Contact(point, normal, pushing_force(measured.force, normal), 0.0)
-        alone.append(posterior_mode(KIND[j], SIZE[j], wrenches[j], information, PRIOR, start))
+        modes.append(posterior_mode(KIND[j], SIZE[j], wrenches[j], information, PRIOR, start))
+    return modes
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_each_lane_is_as_if_it_were_alone(seed: int) -> None:
+    block, wrenches, information = _loaded(seed)
     # One lane searches while the others wait.
-    for j, expected in enumerate(alone):
+    for j, expected in enumerate(_alone(block, wrenches, information)):
         _begin(block, wrenches, np.zeros(len(SHAPES)))
         block[SEARCH + np.delete(ROWS, j)] = IDLE
         find_posterior_modes(KIND, SIZE, ROWS, PRIOR, math.inf, ENERGY_TOLERANCE, block)
@@ -95,12 +101,18 @@ def test_each_lane_is_as_if_it_were_alone(seed: int) -> None:
         assert mode.energy == pytest.approx(expected.energy, rel=1e-9)
         assert mode.log_evidence == pytest.approx(expected.log_evidence, rel=1e-9)
         enter_surfaces(KIND, SIZE, ROWS, block)
-    # All at once, each as low as the others in the end; on the way the accuracy depends on the lowest.
-    lowest = max(mode.energy for mode in alone)
-    _begin(block, wrenches, np.array([lowest - mode.energy for mode in alone]))
-    find_posterior_modes(KIND, SIZE, ROWS, PRIOR, math.inf, ENERGY_TOLERANCE, block)
-    for j, expected in enumerate(alone):
-        assert mode_of(j, PRIOR, block).energy == pytest.approx(expected.energy, abs=0.05)
+
+
+def test_lanes_that_are_as_low_as_the_others_are_as_accurate_as_alone() -> None:
+    """All but a few: on the way a lane may be so much worse that less accuracy is wanted."""
+    excess = []
+    for seed in range(100):
+        block, wrenches, information = _loaded(seed)
+        alone = np.array([mode.energy for mode in _alone(block, wrenches, information)])
+        _begin(block, wrenches, alone.max() - alone)
+        find_posterior_modes(KIND, SIZE, ROWS, PRIOR, math.inf, ENERGY_TOLERANCE, block)
+        excess += [mode_of(j, PRIOR, block).energy - alone[j] for j in ROWS]
+    assert np.quantile(np.abs(excess), 0.99) < ENERGY_TOLERANCE
 
 
 def test_lanes_that_are_hopeless_beside_others_are_given_up_and_resumed() -> None:
@@ -109,7 +121,8 @@ def test_lanes_that_are_hopeless_beside_others_are_given_up_and_resumed() -> Non
     other[0] = -1e3
     _begin(block, wrenches, other)
     lowest = find_posterior_modes(KIND, SIZE, ROWS, PRIOR, math.inf, ENERGY_TOLERANCE, block)
-    assert lowest == pytest.approx(mode_of(0, PRIOR, block).energy - 1e3)
+    # The lowest energy is that before the last step, which is shorter than the tolerance.
+    assert lowest == pytest.approx(mode_of(0, PRIOR, block).energy - 1e3, abs=ENERGY_TOLERANCE)
     assert all(mode_of(j, PRIOR, block).log_evidence == -math.inf for j in ROWS[1:])
     # Nothing has changed, so there is nothing to resume.
     assert not resume_searches(len(ROWS), lowest, block)
