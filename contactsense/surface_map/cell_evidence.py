@@ -84,7 +84,7 @@ def cell_evidence(response: np.ndarray, cells: Places, prior: Prior, force: floa
     origin = np.einsum("ckr,cr->ck", projection, expected)
     origin[:, EXPECTED] = 0.0
     width = 0.5 * np.linalg.slogdet(information)[1]
-    stated = place_covariance(response, cells, prior, force, 2.0 * prior.friction_ratio)[1]
+    stated = place_covariance(response, cells, prior, force, 2.0 * cells.friction_ratio)[1]
     return CellEvidence(
         cells=cells,
         projection=projection,

@@ -202,10 +202,10 @@ def _expected(
     """
     pushes = push_jacobian(response, places, constants.prior, force)
     gains = place_gain(response, places, constants.prior, force)
-    inclination = friction / constants.prior.friction_ratio
+    inclinations = friction / places.friction_ratio
     answers = [
-        expected_answers(coarse, fine, push[:, 0], readings(push, gain, inclination))
-        for push, gain in zip(pushes, gains, strict=True)
+        expected_answers(coarse, fine, push[:, 0], readings(push, gain, float(inclination)))
+        for push, gain, inclination in zip(pushes, gains, inclinations, strict=True)
     ]
     link = np.stack([answer.link for answer in answers])
     point = on_surface(constants, motion, link, np.stack([answer.point for answer in answers]))

@@ -18,7 +18,8 @@ such a push.
 import numpy as np
 
 from contactsense.localization.ranking import LINE_OF_ACTION_DEVIATION
-from contactsense.solvers.posterior.contact_prior import STUDENT_DOF, Prior
+from contactsense.solvers.posterior.contact_prior import FORCE_POWER, STUDENT_DOF, Prior
+from contactsense.solvers.posterior.equations import LEAST_WEIGHT
 from contactsense.surface_map.places import Places
 from contactsense.surface_map.sensor_response import wrench
 
@@ -45,11 +46,11 @@ def push_jacobian(response: np.ndarray, places: Places, prior: Prior, force: flo
     Returns:
         Shape (N, rows, 4).
     """
-    point, tangents = places.point, places.tangents
+    point, inclined = places.point, force * places.friction_ratio[:, None, None] * places.tangents
     columns = (
         wrench(-force * places.normal, point),
-        wrench(force * prior.friction_ratio * tangents[:, :, 0], point),
-        wrench(force * prior.friction_ratio * tangents[:, :, 1], point),
+        wrench(inclined[:, :, 0], point),
+        wrench(inclined[:, :, 1], point),
         np.concatenate((np.zeros_like(point), force * prior.torsion_lever * places.normal), axis=1),
     )
     return np.asarray(np.einsum("nri,kni->nrk", response, np.stack(columns)))
@@ -82,19 +83,20 @@ def place_gain(response: np.ndarray, places: Places, prior: Prior, force: float)
         Shape (N, 2, rows) [m].
     """
     jacobian = _jacobian(response, places, prior, force)
-    information = np.einsum("nik,nil->nkl", jacobian, jacobian) + _prior_information(np.zeros(len(jacobian)))
+    information = np.einsum("nik,nil->nkl", jacobian, jacobian)
+    information += _prior_information(np.zeros(len(jacobian)), places.friction_ratio)
     return np.asarray(np.linalg.solve(information, jacobian.transpose(0, 2, 1))[:, 4:])
 
 
 def place_covariance(
-    response: np.ndarray, places: Places, prior: Prior, force: float, friction: float
+    response: np.ndarray, places: Places, prior: Prior, force: float, friction: float | np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Covariance of the localizer's place about the true one, and the covariance that it states.
 
     Args:
         response, places, prior, force: As for `push_jacobian`.
-        friction: Coefficient of friction of the pushes: their inclinations are uniform in the friction cone;
-            0: along the inward normal, without torsion.
+        friction: Coefficient of friction of the pushes, or that at each place, shape (N,): their inclinations
+            are uniform in the friction cone; 0: along the inward normal, without torsion.
 
     Returns:
         Two covariances along the tangents, shape (N, 2, 2) each [m^2].
@@ -102,13 +104,14 @@ def place_covariance(
     jacobian = _jacobian(response, places, prior, force)
     measured = np.einsum("nik,nil->nkl", jacobian, jacobian)
     # A uniform distribution on a disc has half its radius as standard deviation along each axis.
-    inclination = (friction / 2.0 / prior.friction_ratio) ** 2
-    torsion = 1.0 if friction > 0.0 else 0.0
-    actual = np.diag([0.0, inclination, inclination, torsion, 0.0, 0.0])
-    shape = np.einsum("nai,naj->nij", places.tangents, places.turn) / prior.friction_ratio
-    squared_ratio = np.full(len(measured), 2.0 * inclination)
+    inclination = (0.5 * friction / places.friction_ratio) ** 2
+    none = np.zeros_like(inclination)
+    torsion = np.where(inclination > 0.0, 1.0, 0.0)
+    actual = np.stack((none, inclination, inclination, torsion, none, none), axis=1)[:, :, None] * np.eye(6)
+    shape = np.einsum("nai,naj->nij", places.tangents, places.turn) / places.friction_ratio[:, None, None]
+    squared_ratio = 2.0 * inclination
     for _ in range(_PASSES):
-        of_prior = _prior_information(squared_ratio)
+        of_prior = _prior_information(squared_ratio, places.friction_ratio)
         stated = np.linalg.inv(measured + of_prior)
         # A step along a curved surface inclines the force that was measured.
         inclined = np.einsum("nij,njk,nik->n", shape, stated[:, 4:, 4:], shape)
@@ -141,12 +144,18 @@ def _jacobian(response: np.ndarray, places: Places, prior: Prior, force: float) 
     return np.concatenate(columns, axis=2)
 
 
-def _prior_information(squared_ratio: np.ndarray) -> np.ndarray:
-    """Information D of the priors, for the mean squared friction ratio of each place, shape (N, 6, 6).
+def _prior_information(squared_ratio: np.ndarray, friction_ratio: np.ndarray) -> np.ndarray:
+    """Information D of the priors, shape (N, 6, 6), for the mean squared friction ratio and the prior's own
+    ratio at each place, shapes (N,).
 
-    The Student t prior of the friction ratio has the weight of its gradient at that ratio.
+    The terms of the friction ratio have the weight of their gradient at that ratio, as in
+    `contactsense.solvers.posterior.equations`.
     """
+    squared_friction = friction_ratio**2
     weight = (STUDENT_DOF + 2.0) / (STUDENT_DOF + squared_ratio)
+    weight = np.maximum(
+        weight - FORCE_POWER * squared_friction / (1.0 + squared_friction * squared_ratio), LEAST_WEIGHT
+    )
     one, unknown = np.ones_like(weight), np.full_like(weight, _NO_INFORMATION)
     diagonal = np.stack((one, weight, weight, one, unknown, unknown), axis=1)
     return np.asarray(diagonal[:, :, None] * np.eye(6))

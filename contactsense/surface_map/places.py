@@ -36,6 +36,9 @@ class Places(NamedTuple):
     """Standard deviation of the surface cell around the place along each tangent, shape (N,) [m]."""
     share: np.ndarray
     """Share of the cell in the surface of all N places, shape (N,)."""
+    friction_ratio: np.ndarray
+    """Prior standard deviation of tangential over normal force along each tangent, the tilt of the real
+    surface included, shape (N,)."""
 
 
 def touchable_places(
@@ -74,6 +77,7 @@ def touchable_places(
         turn=turn[free],
         spread=samples.spread[free],
         share=share / share.sum(),
+        friction_ratio=np.hypot(constants.prior.friction_ratio, samples.tilt[free]),
     )
 
 
