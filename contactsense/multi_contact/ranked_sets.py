@@ -4,28 +4,23 @@ import math
 
 import numpy as np
 
+from contactsense.kinematics.wrench_information import matvec
 from contactsense.localization.candidate_buffers import Candidates
 from contactsense.multi_contact.buffers import Explanations, JointState
 from contactsense.multi_contact.contact_step import vector_of
 from contactsense.multi_contact.joint_covariance import covariance_of
-from contactsense.multi_contact.joint_layout import (
-    ENERGY,
-    FX,
-    LOG_EVIDENCE,
-    NX,
-    OFFSET_STEP,
-    PX,
-    SX,
-    TILT,
-    TORSION,
-    TX,
-    W0,
-)
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.vectors import dot
 from contactsense.runtime.candidate_rows import MIN_PROBABILITY
+from contactsense.solvers.posterior.contact_prior import Contact
+from contactsense.solvers.posterior.friction_tails import curvature_along, with_friction_tails
 from contactsense.solvers.posterior.mode import ENERGY_CUTOFF
+
+from contactsense.multi_contact.joint_layout import (  # isort: skip
+    ENERGY, FRICTION_RATIO, FX, LOG_EVIDENCE, NX, OFFSET_STEP, PX, R00, R01, R02, R10, R11, R12, R20, R21,
+    R22, S00, S01, S02, S11, S12, S22, SX, TILT, TORSION, TX, W0,
+)  # fmt: skip
 
 LARGEST_UNLISTED = 20.0
 """Upper bound of the log odds of what is not among the explanations."""
@@ -79,17 +74,40 @@ def _place_covariance(joint: JointState, lane: int, i: int, out: np.ndarray) -> 
     """
     block = joint.contact[i]
     n, tangents = vector_of(block, NX, lane), (vector_of(block, SX, lane), vector_of(block, TX, lane))
+    force = vector_of(block, FX, lane)
     along_normal = block[OFFSET_STEP + lane] * block[OFFSET_STEP + lane]
-    shift = block[TILT + lane] * block[TORSION + lane] / dot(vector_of(block, FX, lane), n)
+    shift = block[TILT + lane] * block[TORSION + lane] / dot(force, n)
+    laplace = (
+        covariance_of(joint, 2 * i, 2 * i, lane),
+        covariance_of(joint, 2 * i + 1, 2 * i, lane),
+        covariance_of(joint, 2 * i + 1, 2 * i + 1, lane),
+    )
+    contact = Contact(vector_of(block, PX, lane), n, force, block[TORSION + lane])
+    variances = with_friction_tails(laplace, _curvature(block, lane), contact, block[FRICTION_RATIO + lane])
     for k in range(3):
         for a in range(3):
             out[k, a] = along_normal * n[k] * n[a]
             for b in range(2):
                 out[k, a] += shift * shift * tangents[b][k] * tangents[b][a]
                 for d in range(2):
-                    out[k, a] += (
-                        tangents[b][k] * tangents[d][a] * covariance_of(joint, 2 * i + b, 2 * i + d, lane)
-                    )
+                    out[k, a] += tangents[b][k] * tangents[d][a] * variances[b + d]
+
+
+@fused_kernel
+def _curvature(block: np.ndarray, lane: int) -> tuple[float, float, float]:
+    """Curvature of the surface along both tangents [1/m]; its shape operator is in the axes of the body."""
+    axes = (
+        (block[R00 + lane], block[R10 + lane], block[R20 + lane]),
+        (block[R01 + lane], block[R11 + lane], block[R21 + lane]),
+        (block[R02 + lane], block[R12 + lane], block[R22 + lane]),
+    )
+    shape_operator = (
+        block[S00 + lane], block[S01 + lane], block[S02 + lane],
+        block[S11 + lane], block[S12 + lane], block[S22 + lane],
+    )  # fmt: skip
+    tangents = matvec(axes, vector_of(block, SX, lane)), matvec(axes, vector_of(block, TX, lane))
+    found: tuple[float, float, float] = curvature_along(shape_operator, tangents)
+    return found
 
 
 @fused_kernel

@@ -219,11 +219,11 @@ def noisy() -> Localizer:
     )
 
 
-def _estimates(localizer: Localizer) -> list[tuple[Trial, Estimate, np.ndarray]]:
+def _estimates(localizer: Localizer, count: int) -> list[tuple[Trial, Estimate, np.ndarray]]:
     """Answers to two contacts at once, and which of their explanations have no optimum."""
     trials, rng = Trials(localizer.scene, seed=21), np.random.default_rng(1)
     answers = []
-    for _ in range(40):
+    for _ in range(count):
         trial = trials.draw(2, 20.0, "different")
         base, torque = trial.measure(trial.pushes)
         base += rng.standard_normal(6) * np.repeat((0.25, 0.05), 3)
@@ -237,7 +237,7 @@ def _estimates(localizer: Localizer) -> list[tuple[Trial, Estimate, np.ndarray]]
 
 def test_links_without_an_optimum_are_listed(noisy: Localizer) -> None:
     only_summed = 0
-    for trial, estimate, summed in _estimates(noisy):
+    for trial, estimate, summed in _estimates(noisy, 40):
         links = [tuple(sorted(c.link_index for c in e.contacts)) for e in estimate.explanations]
         of_sum = [pair for pair, is_summed in zip(links, summed, strict=True) if is_summed]
         # Each pair of links once, and none that has an optimum.
@@ -255,7 +255,7 @@ def test_links_without_an_optimum_are_listed(noisy: Localizer) -> None:
 
 def test_the_answer_is_the_most_probable_set_with_an_optimum(noisy: Localizer) -> None:
     put_first = 0
-    for _, estimate, summed in _estimates(noisy):
+    for _, estimate, summed in _estimates(noisy, 160):
         if not estimate.explanations:
             continue
         p = np.array([explanation.probability for explanation in estimate.explanations])
