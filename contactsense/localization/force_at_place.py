@@ -32,7 +32,7 @@ def force_at_place(
 
     Args:
         w, L: Wrench about the frame's origin and its information matrix, shapes (6,) and (6, 6).
-        prior: Prior of a contact at the place, the tilt of the surface included.
+        prior: Prior of a contact at the place.
         force_deviation: Root of the trace of the force's covariance [N]; infinite if it is not measured.
         point: The place [m], in the same frame.
         normal: Outward unit normal there.

@@ -59,9 +59,8 @@ def search_surface(
     _, cells, candidates = arrays
     cells.unassigned_evidence[:] = -math.inf
     rows, best, divided = evaluate_cells(
-        scene, searched, motion, hypotheses, wrench_measured, prior, arrays,
-        -competing_evidence,
-    )  # fmt: skip
+        scene, searched, motion, hypotheses, wrench_measured, prior, arrays, -competing_evidence
+    )
     if best == -math.inf:
         return 0
     _apply_accessibility(surfaces, scene.deviations, depth, motion, prior, cells, candidates, rows, best)

@@ -9,10 +9,11 @@ noise and prior for small errors, with the Gauss-Newton matrix H = J^T J + D. So
 
     H^-1 (J^T J + D V D) H^-1
 
-where V is the covariance of the actual push about the prior's mode. With V = D^-1 it is H^-1, the Bayesian
-Cramer-Rao bound (H. L. Van Trees, "Detection, estimation, and modulation theory I", 1968, section 2.4). A
-push along the inward normal has V = 0. The surface's offset along the normal does not change the place of
-such a push.
+where V is the covariance of the actual push about the prior's mode. With V = D^-1 it would be H^-1, the
+Bayesian Cramer-Rao bound (H. L. Van Trees, "Detection, estimation, and modulation theory I", 1968, section
+2.4); but D allows for the tilt of the real surface, and has the factor F^-4 of
+`contactsense.solvers.posterior.equations`. A push along the inward normal has V = 0. The surface's offset
+along the normal does not change the place of such a push.
 """
 
 import numpy as np

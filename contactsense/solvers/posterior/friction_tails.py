@@ -8,6 +8,7 @@ it counts as much as at the edge of the region of 90 %.
 """
 
 from contactsense.kinematics.spatial import Six
+from contactsense.kinematics.wrench_information import matvec
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.vectors import Vector, dot
 from contactsense.solvers.posterior.contact_prior import STUDENT_DOF, Contact
@@ -26,16 +27,8 @@ ITERATIONS = 2
 def curvature_along(shape_operator: Six, tangents: tuple[Vector, Vector]) -> tuple[float, float, float]:
     """Curvature of a surface along two tangents, k11, k12, k22 [1/m]; `shape_operator`: upper triangle."""
     (xx, xy, xz, yy, yz, zz), (s, t) = shape_operator, tangents
-    u = (
-        xx * s[0] + xy * s[1] + xz * s[2],
-        xy * s[0] + yy * s[1] + yz * s[2],
-        xz * s[0] + yz * s[1] + zz * s[2],
-    )
-    v = (
-        xx * t[0] + xy * t[1] + xz * t[2],
-        xy * t[0] + yy * t[1] + yz * t[2],
-        xz * t[0] + yz * t[1] + zz * t[2],
-    )
+    S = (xx, xy, xz), (xy, yy, yz), (xz, yz, zz)
+    u, v = matvec(S, s), matvec(S, t)
     return dot(s, u), dot(t, u), dot(t, v)
 
 
@@ -43,12 +36,12 @@ def curvature_along(shape_operator: Six, tangents: tuple[Vector, Vector]) -> tup
 def with_friction_tails(
     variances: Variances, curvature: tuple[float, float, float], contact: Contact, friction_ratio: float
 ) -> Variances:
-    """Covariance of a contact's place with the tails of the friction ratio's prior.
+    """Covariance of a contact's place along two tangents, with the tails of the friction ratio's prior [m^2].
 
     Args:
         variances: Of Laplace's approximation [m^2].
         curvature: Of the surface, along the same tangents [1/m].
-        contact: At the mode.
+        contact: At the mode, in any frame.
         friction_ratio: See `contactsense.solvers.posterior.contact_prior.Prior`.
     """
     v11, v12, v22 = variances

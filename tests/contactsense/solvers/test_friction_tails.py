@@ -62,10 +62,15 @@ def _share(curvature: np.ndarray, deviation: float, ratio: np.ndarray) -> tuple[
 def test_the_region_holds_its_share_on_round_surfaces(
     curvature: np.ndarray, deviation: float, ratio: tuple[float, float]
 ) -> None:
-    """Of Laplace's region it is down to 73 %."""
     laplace, found = _share(np.array(curvature), deviation, np.array(ratio))
     assert 0.88 < found < 0.91
     assert found > laplace - 0.01
+
+
+def test_on_a_sphere_the_region_of_laplace_holds_too_little() -> None:
+    laplace, found = _share(np.diag([20.0, 20.0]), 0.04, np.zeros(2))
+    assert laplace < 0.74
+    assert found > 0.88
 
 
 def test_on_a_plane_nothing_changes() -> None:
