@@ -169,11 +169,12 @@ class Runner:
             self.pipeline.alive = False
             self.pipeline.restarts += 1
             self.source.connected, self.source.rate = False, 0.0
-            self._process, self._end_reason = "ended", reason
-            self._look()
             if self._restart.is_set():
+                self._process, self._end_reason = "starting", ""
                 pause = _PAUSE[0]
                 continue
+            self._process, self._end_reason = "ended", reason
+            self._look()
             if asyncio.get_running_loop().time() - began > 60.0:
                 pause = _PAUSE[0]  # it had run without failure
             await asyncio.sleep(pause)
@@ -234,6 +235,8 @@ class Runner:
                 if receiving.done():
                     break
                 if self._restart.is_set():
+                    # It is asked for, and no failure; the process may take some time to end.
+                    self._process, self._end_reason = "starting", ""
                     return "was ended for a new scene", False
                 if silence.stopped > _STOPPED:
                     return f"was stopped, or dead, for {_STOPPED:g} s", True

@@ -83,6 +83,27 @@ def test_a_process_that_dies_is_started_again() -> None:
 
 
 @pytest.mark.slow
+def test_a_restart_with_another_scene_is_no_failure() -> None:
+    async def scenario() -> None:
+        async with running(fakes.Steady) as (runner, heard):
+            await until(lambda: len(heard) > 10 and runner.status == "ok")
+            runner.restart(SCENE, fakes.Steady)
+            await until(lambda: runner.status != "ok")
+            seen, before = {runner.status}, len(heard)
+
+            def answers_again() -> bool:
+                seen.add(runner.status)
+                return len(heard) > before and runner.status == "ok"
+
+            await until(answers_again)
+            assert "starting" in seen
+            assert "failing" not in seen
+            assert runner.pipeline.restarts == 1
+
+    asyncio.run(scenario())
+
+
+@pytest.mark.slow
 def test_a_process_that_is_killed_is_started_again() -> None:
     async def scenario() -> None:
         async with running(fakes.Steady) as (runner, heard):
