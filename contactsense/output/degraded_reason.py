@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 from contactsense.residuals.sensor_consistency import SensorConsistency, describe_inconsistency
-from contactsense.sensors.stream_state import BLIND, INCONSISTENT, INVALID, MISSING, SETTLING, SHIFT
+from contactsense.sensors.stream_state import BLIND, INCONSISTENT, INVALID, MISSING, SETTLING, UNSETTLED
 from contactsense.sensors.timing import LONGEST_FIRST_STEP
 
 
@@ -24,13 +24,15 @@ def degraded_reason(
         step: Time since the previous sample [s].
     """
     reasons = []
-    for name, shift in zip(sensors, SHIFT, strict=False):
-        if flags & ((MISSING | INVALID) << shift | BLIND) and name in refused:
+    for i, name in enumerate(sensors):
+        if flags & ((MISSING | INVALID) << i | BLIND) and name in refused:
             reasons.append(refused[name])
-        elif flags & MISSING << shift:
+        elif flags & MISSING << i:
             reasons.append(f"{name} is missing")
-        elif flags & INVALID << shift:
+        elif flags & INVALID << i:
             reasons.append(f"{name} is not finite or implausibly large")
+        elif flags & UNSETTLED << i and not flags & SETTLING:
+            reasons.append(f"{name} is settling after its start: not used yet")
     if flags & INCONSISTENT:
         reasons += describe_inconsistency(consistency)
     if flags & SETTLING and step > LONGEST_FIRST_STEP:

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from contactsense.sensors.link_values import by_field, name_of, with_values
-from contactsense.sensors.stream_state import INVALID, MISSING, SHIFT, Readings
+from contactsense.sensors.stream_state import INVALID, MAX_SENSORS, MISSING, UNSETTLED, Readings
 from contactsense.sensors.validation import checked_vector
 from contactsense.types import Sample
 
@@ -35,8 +35,8 @@ class SampleFields:
         self.names = (*SENSORS, *self._link_sensors)
         """Of the sensors, in the order of their flags."""
         there = (*in_scene, *(True for _ in self._link_sensors))
-        absent = (shift for i, shift in enumerate(SHIFT) if i >= len(there) or not there[i])
-        self.relevant_flags = ~sum((MISSING | INVALID) << shift for shift in absent)
+        absent = (i for i in range(MAX_SENSORS) if i >= len(there) or not there[i])
+        self.relevant_flags = ~sum((MISSING | INVALID | UNSETTLED) << i for i in absent)
         """Flags that apply to this scene: a sensor that the scene does not have is not missing."""
 
     def fields(self, sample: Sample) -> tuple[float, int, Readings]:

@@ -30,19 +30,22 @@ N, Nm]."""
 _LONGEST_STEP = 86400.0
 """Longest step that enters the random walk of the biases [s]."""
 
-MISSING, INVALID, INCONSISTENT, SETTLING, TOUCHED, RESTARTED = 1, 8, 64, 128, 256, 512
-REPEATED, UNUSABLE, WRONG_SIZE, BLIND, SUSPECT = 1024, 2048, 4096, 8192, 16384
-"""Flags of a sample, bits of one number; 0: sensors in order and no contact. `MISSING` and `INVALID` (a value
-is not finite or implausible), shifted by a sensor's `SHIFT`, are those of that sensor. `INCONSISTENT`: see
-`contactsense.residuals.sensor_consistency`. `SETTLING`: no sensor can be used yet. `TOUCHED`: a contact is
-detected. `RESTARTED`: time has jumped back, a new stream begins. `REPEATED`, `UNUSABLE`, `WRONG_SIZE` (a
-field has the wrong size) and `SUSPECT` (a value may be implausible): the sample was not used. `BLIND`: no
-sensor has a value, and at least one should have."""
-SHIFT = (0, 1, 2, 16, 22, 28, 34, 40, 46, 52, 58)
-"""Of the flags of each sensor: base sensor, joint torques, link sensors."""
-ALL_MISSING = sum(MISSING << shift for shift in SHIFT)
+MAX_SENSORS = 11
+"""Base sensor, joint torques, and at most nine link sensors: a sensor's flags have a bit for each."""
+MISSING, INVALID, UNSETTLED = 1, 1 << MAX_SENSORS, 1 << 2 * MAX_SENSORS
+"""Flags of a sample, bits of one number; 0: sensors in order and no contact. These, shifted by the number of
+a sensor, are of that sensor: it has no value, or one that is not finite or implausible, or its residual has
+not settled after its start or its return."""
+INCONSISTENT, SETTLING, TOUCHED, RESTARTED, REPEATED, UNUSABLE, WRONG_SIZE, BLIND, SUSPECT = (
+    1 << 3 * MAX_SENSORS + i for i in range(9)
+)
+"""Flags of the whole sample. `INCONSISTENT`: see `contactsense.residuals.sensor_consistency`. `SETTLING`: no
+sensor can be used yet. `TOUCHED`: a contact is detected. `RESTARTED`: time has jumped back, a new stream
+begins. `REPEATED`, `UNUSABLE`, `WRONG_SIZE` (a field has the wrong size) and `SUSPECT` (a value may be
+implausible): the sample was not used. `BLIND`: no sensor has a value, and at least one should have."""
+ALL_MISSING = INVALID - MISSING
 """Every sensor is missing."""
-DEGRADED = ALL_MISSING | ALL_MISSING * INVALID | INCONSISTENT | SETTLING | BLIND
+DEGRADED = ALL_MISSING * (MISSING | INVALID | UNSETTLED) | INCONSISTENT | SETTLING | BLIND
 """Flags of used samples for which the estimate is `degraded`."""
 
 
@@ -148,14 +151,14 @@ def register_sample(stream: StreamState, t: float, sensor_bits: int, bandwidth: 
     blind = True
     link_sensors = stream.link_wrench.shape[0]
     for sensor in range(2 + link_sensors):
-        i = sensor if sensor < 2 else LINK + sensor - 2
+        i = _index(sensor)
         has_value = sensor_bits >> sensor & 1 == 1
         valid = has_value and _has_plausible_value(stream, sensor)
         steps[i] = time_since_last(timing[i], t, valid)
         if is_silent(timing[i], t):
-            flags |= MISSING << SHIFT[sensor]
+            flags |= MISSING << sensor
         elif has_value and not valid:
-            flags |= INVALID << SHIFT[sensor]
+            flags |= INVALID << sensor
         blind = blind and is_overdue(timing[i], t, clock.step)
     if blind:
         flags |= BLIND
@@ -169,7 +172,16 @@ def register_sample(stream: StreamState, t: float, sensor_bits: int, bandwidth: 
     settling_time = SETTLING_PERIODS / bandwidth
     for i in range(usable.shape[0]):
         usable[i] = 1 if has_settled(timing[i], t, settling_time) else 0
+    for sensor in range(2 + link_sensors):
+        if usable[_index(sensor)] == 0 and flags & MISSING << sensor == 0:
+            flags |= UNSETTLED << sensor
     return flags
+
+
+@kernel
+def _index(sensor: int) -> int:
+    """Index of a sensor in `StreamState.timing`, `steps` and `usable`."""
+    return sensor if sensor < 2 else LINK + sensor - 2
 
 
 @kernel

@@ -15,7 +15,15 @@ from contactsense import BlockEstimates, SampleBlock
 from contactsense.calibration.robust_least_squares import MAD_SCALE
 from contactsense.robots.jit.kernel import kernel
 from contactsense.scene import Scene
-from contactsense.sensors.stream_state import INVALID, MISSING, REPEATED, SETTLING, TOUCHED, UNUSABLE
+from contactsense.sensors.stream_state import (
+    INVALID,
+    MISSING,
+    REPEATED,
+    SETTLING,
+    TOUCHED,
+    UNSETTLED,
+    UNUSABLE,
+)
 
 ROW_INTERVAL = 0.02
 """Time between two rows of the fit: residuals are low-passed, those in between add little information [s]."""
@@ -27,7 +35,7 @@ LEAST_ROWS = 25
 """Rows in each direction that a fit needs: half a second."""
 HUBER, ITERATIONS = 1.345, 20
 """Residuals of the fit beyond this number of standard deviations are outliers; steps of the iteration."""
-_UNUSED = REPEATED | UNUSABLE | SETTLING | (MISSING | INVALID) << 1
+_UNUSED = REPEATED | UNUSABLE | SETTLING | (MISSING | INVALID | UNSETTLED) << 1
 
 
 @dataclass(frozen=True, eq=False)

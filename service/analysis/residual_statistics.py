@@ -8,7 +8,7 @@ import numpy as np
 
 from contactsense import BlockEstimates
 from contactsense.robots.jit.kernel import kernel
-from contactsense.sensors.stream_state import DEGRADED, MISSING, SHIFT, TOUCHED
+from contactsense.sensors.stream_state import DEGRADED, MAX_SENSORS, MISSING, TOUCHED
 
 BINS = 1200
 """Maximum number of points of a curve over a whole recording."""
@@ -91,7 +91,7 @@ class ResidualStatistics:
             np.full((BINS, 1 + joints), np.nan),
             np.zeros(6 + joints),
             np.zeros(2, dtype=np.int64),
-            np.zeros(3 + len(SHIFT), dtype=np.int64),
+            np.zeros(3 + MAX_SENSORS, dtype=np.int64),
         )
 
     def add(self, found: BlockEstimates) -> None:
@@ -148,8 +148,8 @@ def _add(
         touched, degraded = flags[i] & TOUCHED != 0, flags[i] & DEGRADED != 0
         counts[1] += touched
         counts[2] += degraded
-        for k in range(len(SHIFT)):
-            counts[3 + k] += flags[i] & MISSING << SHIFT[k] != 0
+        for k in range(MAX_SENSORS):
+            counts[3 + k] += flags[i] & MISSING << k != 0
         if not math.isfinite(energy[i]):
             continue
         # An onset is detected at the second sample above the threshold; the first one is part of the contact.

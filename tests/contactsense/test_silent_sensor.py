@@ -1,10 +1,12 @@
 """A sensor that falls silent while the arm moves, and comes back: no contact begins."""
 
+import math
 from dataclasses import replace
 
 import pytest
 
 from contactsense import Localizer, Sample, Scene
+from contactsense.sensors.stream_state import SETTLING_PERIODS
 from contactsense.service.mock.script import Script
 from contactsense.service.mock.simulated_arm import simulate
 
@@ -35,3 +37,20 @@ def test_no_contact_begins_wherever_a_sensor_falls_silent(sensor: str) -> None:
             sample = replace(samples[i], **{sensor: None}) if i in silent else samples[i]
             estimate = localizer.step(sample)
             assert not estimate.contacts, (sensor, start, i - start, estimate.contacts[0].link)
+
+
+@pytest.mark.parametrize("sensor", ["joint_torque", "base_wrench"])
+def test_a_sensor_that_returns_is_named_until_it_is_used_again(sensor: str) -> None:
+    motion = simulate(SCRIPT)
+    columns = zip(motion.t, motion.q, motion.qd, motion.joint_torque, motion.base_wrench, strict=True)
+    localizer = Localizer(Scene(robot="ur5e"))
+    returns, step = SETTLED + SILENT, motion.t[1] - motion.t[0]
+    settled = returns + math.ceil(SETTLING_PERIODS / localizer.scene.bandwidth / step)
+    for i, values in zip(range(returns + BACK), columns, strict=False):
+        sample = Sample(*values)
+        estimate = localizer.step(replace(sample, **{sensor: None}) if SETTLED <= i < returns else sample)
+        if returns <= i < settled - 1:
+            assert estimate.status == "degraded"
+            assert estimate.reason == f"{sensor} is settling after its start: not used yet"
+        elif SETTLED - 1 <= i <= SETTLED or i > settled:
+            assert estimate.reason == ""
