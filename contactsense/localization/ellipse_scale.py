@@ -11,12 +11,13 @@ from contactsense.kinematics.spatial import Six
 from contactsense.localization.surface_cells import SurfaceCells
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.vectors import Vector, dot, tangents
+from contactsense.solvers.posterior.region import REGION_90
 
 GAUSSIAN_KURTOSIS = 8.0
 """Mean fourth power of the distance for a Gaussian on a plane."""
-SLOPE = (1.0 - 3.6 / 4.60517) / (8.0 - 16.0 / 3.0)
+SLOPE = (1.0 - 3.6 / REGION_90) / (8.0 - 16.0 / 3.0)
 """Decrease of the scale for each unit of missing kurtosis. Exact for the uniform ellipse, 90 % of which is
-within a squared distance of 3.6, that of a Gaussian within 4.605."""
+within a squared distance of 3.6, that of a Gaussian within `REGION_90`."""
 LEAST_SCALE = 0.6
 """Lower bound of the scale: two separate places are less than flat, and have no ellipse."""
 

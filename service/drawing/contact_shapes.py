@@ -11,9 +11,8 @@ from contactsense.scene import Scene
 from contactsense.service.drawing.link_geometry import geometry_of
 from contactsense.service.drawing.mesh import Mesh
 from contactsense.service.drawing.triangles import cut_off, merged, refined
+from contactsense.solvers.posterior.region import REGION_90
 
-REGION_90 = 4.605
-"""Squared Mahalanobis radius that contains 90 % of a two-dimensional Gaussian."""
 ARROW_SCALE = 0.008
 """Length of an arrow per force [m/N]."""
 ARROW_LENGTHS = (0.08, 0.45)

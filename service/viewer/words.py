@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from contactsense.service.drawing.contact_shapes import REGION_90
 from contactsense.service.percent import in_percent
+from contactsense.solvers.posterior.region import REGION_90
 from contactsense.types import Contact, Estimate
 
 

@@ -12,11 +12,10 @@ from contactsense.kinematics.wrench_information import matvec
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.vectors import Vector, dot
 from contactsense.solvers.posterior.contact_prior import STUDENT_DOF, Contact
+from contactsense.solvers.posterior.region import REGION_90
 
 Variances = tuple[float, float, float]
 """Covariance along two tangents: v11, v12, v22."""
-SQUARED_EDGE = 4.605
-"""90 % of a normal distribution in two dimensions are within this squared Mahalanobis distance."""
 LEAST_SPREAD = 0.05
 """Without effect if the variance of the friction ratio over the region is below this share of its prior's."""
 ITERATIONS = 2
@@ -58,7 +57,7 @@ def with_friction_tails(
     l11, l12, l22 = v22 / det, -v12 / det, v11 / det
     for _ in range(ITERATIONS):
         spread = 0.5 * (m11 * v11 + 2.0 * m12 * v12 + m22 * v22)
-        less = at_mode - (STUDENT_DOF + 2.0) / (STUDENT_DOF + squared_ratio + SQUARED_EDGE * spread)
+        less = at_mode - (STUDENT_DOF + 2.0) / (STUDENT_DOF + squared_ratio + REGION_90 * spread)
         b11, b12, b22 = l11 - less * m11, l12 - less * m12, l22 - less * m22
         det = b11 * b22 - b12 * b12
         # The force may be too uncertain for the friction ratio to count as much as that.

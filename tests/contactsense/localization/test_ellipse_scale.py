@@ -4,11 +4,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from contactsense.localization.ellipse_scale import ellipse_scale
 from contactsense.localization.surface_cells import SurfaceCells
 
-CHI_90 = 4.60517
+CHI_90 = chi2.ppf(0.9, 2)
 N = 3000
 
 

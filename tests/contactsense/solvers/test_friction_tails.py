@@ -5,7 +5,8 @@ import pytest
 from scipy.optimize import minimize
 
 from contactsense.solvers.posterior.contact_prior import STUDENT_DOF, Contact
-from contactsense.solvers.posterior.friction_tails import SQUARED_EDGE, curvature_along, with_friction_tails
+from contactsense.solvers.posterior.friction_tails import curvature_along, with_friction_tails
+from contactsense.solvers.posterior.region import REGION_90
 
 FRICTION_RATIO = 0.25
 TAIL = 0.5 * (STUDENT_DOF + 2.0)
@@ -49,7 +50,7 @@ def _share(curvature: np.ndarray, deviation: float, ratio: np.ndarray) -> tuple[
     shares = []
     for covariance in covariances:
         offset = places - mode
-        inside = np.einsum("ni,ij,nj->n", offset, np.linalg.inv(covariance), offset) < SQUARED_EDGE
+        inside = np.einsum("ni,ij,nj->n", offset, np.linalg.inv(covariance), offset) < REGION_90
         shares.append(float(weight[inside].sum() / weight.sum()))
     return shares[0], shares[1]
 
