@@ -24,7 +24,7 @@ LEAST_SCALE = 0.6
 
 @fused_kernel
 def ellipse_scale(cells: SurfaceCells, rows: int, point: Vector, normal: Vector, C: Six) -> float:
-    """Factor on the covariance of a candidate, at most 1.
+    """Factor on the covariance of a candidate along the surface, at most 1.
 
     Args:
         cells: Cells; those of the candidate have a positive `weight`.
@@ -56,6 +56,22 @@ def ellipse_scale(cells: SurfaceCells, rows: int, point: Vector, normal: Vector,
         total += weight
     kurtosis = fourth / total
     return min(max(1.0 - SLOPE * (GAUSSIAN_KURTOSIS - kurtosis), LEAST_SCALE), 1.0)
+
+
+@fused_kernel
+def scaled_along_surface(C: Six, normal: Vector, factor: float) -> Six:
+    """C (xx, xy, xz, yy, yz, zz) times a factor, but for the variance along the normal: how far a place lies
+    below the tangent plane, as on the far side of a link, is as uncertain as before."""
+    x, y, z = normal
+    kept = (1.0 - factor) * dot(normal, _times(C, normal))
+    return (
+        factor * C[0] + kept * x * x,
+        factor * C[1] + kept * x * y,
+        factor * C[2] + kept * x * z,
+        factor * C[3] + kept * y * y,
+        factor * C[4] + kept * y * z,
+        factor * C[5] + kept * z * z,
+    )
 
 
 @fused_kernel

@@ -16,7 +16,7 @@ from contactsense.kinematics.model import Motion
 from contactsense.kinematics.spatial import Six
 from contactsense.kinematics.wrench_information import to_body_frame
 from contactsense.localization.candidate_buffers import Candidates, rotate_into, store_candidate
-from contactsense.localization.ellipse_scale import ellipse_scale
+from contactsense.localization.ellipse_scale import ellipse_scale, scaled_along_surface
 from contactsense.localization.force_at_place import FIXED_SPREAD, force_at_place
 from contactsense.localization.local_prior import DeviationCells, nearest_cell, prior_in_cell, tilt_in_cell
 from contactsense.localization.mean_shift import mean_shift
@@ -112,8 +112,8 @@ def build_candidate(
         C[5] - 2.0 * mean[2] * dz + dz * dz,
     )
     if not narrow:
-        f = ellipse_scale(cells, rows, point, rotate_back(R, vector(candidates.normal[row])), C)
-        C = (f * C[0], f * C[1], f * C[2], f * C[3], f * C[4], f * C[5])
+        normal = rotate_back(R, vector(candidates.normal[row]))
+        C = scaled_along_surface(C, normal, ellipse_scale(cells, rows, point, normal, C))
     _set_covariance(candidates, row, R, C, local.surface_deviation)
 
 

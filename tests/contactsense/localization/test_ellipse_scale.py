@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from contactsense.localization.ellipse_scale import ellipse_scale
+from contactsense.localization.ellipse_scale import ellipse_scale, scaled_along_surface
 from contactsense.localization.surface_cells import SurfaceCells
 
 CHI_90 = chi2.ppf(0.9, 2)
@@ -56,3 +56,17 @@ def test_ellipses_of_flat_densities_hold_their_share(variance: float) -> None:
     for points in (disc(rng), rectangle, around):
         _, inside = scaled(points, variance)
         assert inside == pytest.approx(0.9, abs=0.03)
+
+
+def test_the_factor_leaves_the_variance_along_the_normal() -> None:
+    rng = np.random.default_rng(3)
+    root, normal = rng.standard_normal((3, 3)), rng.standard_normal(3)
+    C, normal = root @ root.T, normal / np.linalg.norm(normal)
+    found = scaled_along_surface(tuple(C[np.triu_indices(3)]), tuple(normal), 0.6)
+    scaled_C = np.zeros((3, 3))
+    scaled_C[np.triu_indices(3)] = found
+    scaled_C += np.triu(scaled_C, 1).T
+    across = np.eye(3) - np.outer(normal, normal)
+    assert normal @ scaled_C @ normal == pytest.approx(normal @ C @ normal)
+    np.testing.assert_allclose(across @ scaled_C @ across, 0.6 * across @ C @ across, atol=1e-12)
+    assert np.linalg.eigvalsh(scaled_C).min() > 0.0
