@@ -1,8 +1,15 @@
-"""Onset and release thresholds of one scene, for the energy of the no-contact hypothesis."""
+"""Onset and release thresholds of one scene, for the energy of the no-contact hypothesis.
+
+Without a base sensor two tests look for a contact, one of each sample and one of the residuals' EWMA
+(`contactsense.residuals.residual_ewma`): each may give half of the permitted false alarms.
+"""
+
+import math
 
 import numpy as np
 
 from contactsense.detection.false_alarm_rate import onset_threshold, release_threshold, sample_threshold
+from contactsense.residuals.residual_ewma import RELATIVE_BANDWIDTH
 from contactsense.robots.jit.kernel import kernel
 from contactsense.scene import Scene
 
@@ -22,28 +29,39 @@ def stream_thresholds(scene: Scene) -> np.ndarray:
     """Onset and release thresholds for a stream of `scene`.
 
     Returns:
-        Onset and release threshold for each set of sensors, see `sensor_set`, and each usual sample time of
-        1, 2, ... ms; shape (4 (S + 1), LONGEST_STEP_MS, 2).
+        Onset and release threshold, and onset threshold of the EWMA (infinite with a base sensor), for each
+        set of sensors, see `sensor_set`, and each usual sample time of 1, 2, ... ms; shape (4 (S + 1),
+        LONGEST_STEP_MS, 3).
     """
     joints = len(scene.robot.joints)
-    thresholds = np.zeros((4 * (len(scene.link_sensors) + 1), LONGEST_STEP_MS, 2))
-    cached: dict[int, np.ndarray] = {}
+    thresholds = np.zeros((4 * (len(scene.link_sensors) + 1), LONGEST_STEP_MS, 3))
+    cached: dict[tuple[int, bool], np.ndarray] = {}
     for i in range(len(thresholds)):
         # Link sensors are alike: only their number counts.
-        used = (i & 1 != 0, i & 2 != 0, (1 << i // 4) - 1)
+        has_base = i & 1 != 0
+        used = (has_base, i & 2 != 0, (1 << i // 4) - 1)
         degrees_of_freedom = degrees_of_freedom_of(joints, used)
-        if degrees_of_freedom not in cached:
-            onset = [
-                onset_threshold(
-                    scene.false_alarms_per_hour, degrees_of_freedom, scene.bandwidth, 1e-3 * (step + 1)
-                )
-                for step in range(LONGEST_STEP_MS)
-            ]
-            cached[degrees_of_freedom] = np.column_stack(
-                (onset, np.full(LONGEST_STEP_MS, release_threshold(degrees_of_freedom)))
+        if (degrees_of_freedom, has_base) not in cached:
+            cached[degrees_of_freedom, has_base] = np.array(
+                [_thresholds(scene, degrees_of_freedom, has_base, step) for step in range(LONGEST_STEP_MS)]
             )
-        thresholds[i] = cached[degrees_of_freedom]
+        thresholds[i] = cached[degrees_of_freedom, has_base]
     return thresholds
+
+
+def _thresholds(
+    scene: Scene, degrees_of_freedom: int, has_base: bool, step: int
+) -> tuple[float, float, float]:
+    """One entry of `stream_thresholds`, for sample times of `step` + 1 ms."""
+    release, dt = release_threshold(degrees_of_freedom), 1e-3 * (step + 1)
+    if has_base:
+        onset = onset_threshold(scene.false_alarms_per_hour, degrees_of_freedom, scene.bandwidth, dt)
+        return onset, release, math.inf
+    onset, average = (
+        onset_threshold(0.5 * scene.false_alarms_per_hour, degrees_of_freedom, bandwidth, dt)
+        for bandwidth in (scene.bandwidth, RELATIVE_BANDWIDTH * scene.bandwidth)
+    )
+    return onset, release, average
 
 
 class SampleThresholds:

@@ -12,7 +12,7 @@ from contactsense.residuals.momentum_observer import (
     start_step,
 )
 from contactsense.robots.jit.declaration import Sized
-from contactsense.robots.jit.kernel import inlined_kernel
+from contactsense.robots.jit.kernel import inlined_kernel, kernel
 from contactsense.sensors.stream_state import BASE, TORQUE, TORQUE_DIFFERENCE
 
 
@@ -64,3 +64,23 @@ def start_steps(observers: Observers, steps: np.ndarray, bandwidth: float) -> tu
         else:
             of_difference = start_step(difference, steps[TORQUE_DIFFERENCE], bandwidth)
     return of_base, of_joints, of_difference
+
+
+@kernel
+def concatenate_residuals(out: np.ndarray, observers: Observers) -> None:
+    """Concatenate the observers' residuals: base wrench in the frame of each body, torque differences,
+    torques, differences of the link sensors, their wrenches."""
+    index = 0
+    for part in (
+        observers.base.residual,
+        observers.torque_difference.residual,
+        observers.joints.residual,
+    ):
+        for i in range(part.shape[0]):
+            out[index] = part[i]
+            index += 1
+    for parts in (observers.link_difference.residual, observers.links.residual):
+        for s in range(parts.shape[0]):
+            for i in range(6):
+                out[index] = parts[s, i]
+                index += 1

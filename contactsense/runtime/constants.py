@@ -68,8 +68,9 @@ class Constants(NamedTuple):
     """Inverse of the averaging time of biases [1/s]; 0: biases are constant."""
     limits: ReadingLimits
     """Limits of plausible readings."""
-    thresholds: Annotated[Floats, f"4 * (link_sensors + 1), {LONGEST_STEP_MS}, 2"]
-    """Onset and release thresholds, see `contactsense.detection.thresholds.stream_thresholds`."""
+    thresholds: Annotated[Floats, f"4 * (link_sensors + 1), {LONGEST_STEP_MS}, 3"]
+    """Onset and release thresholds, and the onset threshold of the residuals' EWMA, see
+    `contactsense.detection.thresholds.stream_thresholds`."""
 
 
 def sizes_of(constants: Constants) -> dict[str, int]:

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 from contactsense.detection.thresholds import sensor_set, threshold_index
 from contactsense.residuals.friction_at_rest import reset_friction_at_rest
+from contactsense.residuals.residual_ewma import restart_ewma, update_ewma
 from contactsense.residuals.sensor_consistency import NO_CONTACT, exclude_inconsistent, update_consistency
 from contactsense.residuals.sensor_consistency import update_is_due as consistency_is_due
 from contactsense.robots.jit.kernel import inlined_kernel
@@ -11,6 +12,8 @@ from contactsense.runtime.consistency_statistics import consistency_statistics
 from contactsense.runtime.constants import Constants
 from contactsense.runtime.no_contact_hypothesis import (
     energy_at_rest,
+    energy_of_change,
+    energy_of_ewma,
     energy_without_contact,
     update_bias_filter,
 )
@@ -23,6 +26,7 @@ from contactsense.sensors.stream_state import (
     TORQUE,
     TOUCHED,
     usable_sensors,
+    usable_sensors_code,
 )
 from contactsense.tracking.contact_tracker import NONE, end_contact
 from contactsense.tracking.resumed_contact import release_contact
@@ -64,6 +68,15 @@ def decide(constants: Constants, state: State, bandwidth: float) -> Decision:
     stream.clock[0].variance_ratio = variance_ratio
     used = sensor_set(has_base, has_torque, link_sensors)
     thresholds = constants.thresholds[used, threshold_index(stream.clock[0].usual_step)]
+    ewma_energy = 0.0
+    if has_base:
+        restart_ewma(state.ewma)
+    else:
+        update_ewma(
+            state.ewma, state.observers, variance_ratio, usable_sensors_code(stream), stream.clock[0].step,
+            bandwidth,
+        )  # fmt: skip
+        ewma_energy = energy_of_ewma(constants, state, has_torque, link_sensors)
     energy = energy_without_contact(constants, state, has_base, has_torque, link_sensors, variance_ratio)
     # With a base sensor, friction does not limit detection.
     if not has_base:
@@ -72,11 +85,21 @@ def decide(constants: Constants, state: State, bandwidth: float) -> Decision:
             energy_at_rest(constants, state, variance_ratio, (thresholds[0], thresholds[1]), bandwidth),
         )
     state.statistics[NO_CONTACT] = energy
-    # Onset needs two samples in a row above the threshold: sensors have outliers.
-    above_threshold, no_contact_yet = not energy <= thresholds[0], track.status[0].phase == NONE
-    touched = (
-        above_threshold and track.status[0].above_onset if no_contact_yet else not energy <= thresholds[1]
-    )
+    status = track.status[0]
+    above_threshold, no_contact_yet = not energy <= thresholds[0], status.phase == NONE
+    if no_contact_yet:
+        # Onset needs two samples in a row above the threshold: sensors have outliers.
+        touched = above_threshold and status.above_onset
+        status.sustained = not touched and ewma_energy > thresholds[2]
+    else:
+        touched = not energy <= thresholds[1]
+        # The average shows a weak contact that goes on, but lags behind the end of a strong one.
+        status.sustained = (
+            not touched
+            and ewma_energy > thresholds[1]
+            and energy_of_change(constants, state, has_torque, link_sensors, variance_ratio) <= thresholds[1]
+        )
+    touched = touched or status.sustained
     onset = above_threshold and no_contact_yet
     return Decision(True, touched, onset, base_settled, torque_settled, variance_ratio)
 
@@ -99,6 +122,7 @@ def conclude(constants: Constants, state: State, flags: int, decision: Decision,
     track, stream, consistency = state.track, state.stream, state.consistency
     if not decision.usable:
         end_contact(track)
+        restart_ewma(state.ewma)
         reset_friction_at_rest(state.friction_at_rest)
         return flags | SETTLING
     dt = stream.clock[0].step
@@ -110,6 +134,8 @@ def conclude(constants: Constants, state: State, flags: int, decision: Decision,
         flags |= INCONSISTENT
     if decision.touched:
         return flags | TOUCHED
+    if track.status[0].phase != NONE:
+        restart_ewma(state.ewma)
     release_contact(track, dt)
     if decision.onset:
         track.status[0].above_onset = True

@@ -53,6 +53,7 @@ def localize(
     state.bias_filter.status[0].time_since_contact = 0.0
     average_windows(
         track,
+        state.ewma,
         state.observers,
         stream.clock[0].variance_ratio,
         sensors,

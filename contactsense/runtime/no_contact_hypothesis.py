@@ -8,7 +8,7 @@ from contactsense.kinematics.spatial import component_about, dot6
 from contactsense.residuals.bias_filter import update, update_is_due
 from contactsense.residuals.friction_at_rest import TorqueVariance, energy_beyond_static_friction
 from contactsense.residuals.model_correction import apply_correction
-from contactsense.robots.jit.array_views import copy
+from contactsense.robots.jit.array_views import block, copy
 from contactsense.robots.jit.kernel import inlined_kernel
 from contactsense.runtime.constants import Constants
 from contactsense.runtime.state import State
@@ -41,6 +41,57 @@ def energy_without_contact(
             for i in range(6):
                 component = dot6(component_about(state.link_origin[s], i), state.link_wrench[s])
                 energy += 0.5 * component**2 / state.link_variance[s, i]
+    return energy
+
+
+@inlined_kernel
+def energy_of_ewma(constants: Constants, state: State, has_torque: bool, link_sensors: int) -> float:
+    """Energy of the no-contact hypothesis from the average of the residuals, without a base sensor.
+
+    Model errors count as for a single residual, as they last as long as the average does. Arguments as for
+    `energy_without_contact`.
+    """
+    n, variance_ratio, energy = state.torque.shape[0], state.ewma.status[0].variance_ratio, 0.0
+    count = state.link_wrench.shape[0]
+    torque = block(state.ewma.mean, 6 * (n + 1) + n, (n,))
+    link_wrench = block(state.ewma.mean, 6 * (n + 1) + 2 * n + 6 * count, (count, 6))
+    if has_torque:
+        for j in range(n):
+            noise = _torque_noise(constants, state, j, variance_ratio)
+            energy += 0.5 * torque[j] ** 2 / (noise + state.bias_filter.torque_variance[j])
+    for s in range(count):
+        if link_sensors >> s & 1:
+            for i in range(6):
+                component = dot6(component_about(state.link_origin[s], i), link_wrench[s])
+                noise = constants.sensors.link_variance[s, i // 3] * variance_ratio
+                energy += 0.5 * component**2 / (noise + state.link_mass_variance[s, i])
+    return energy
+
+
+@inlined_kernel
+def energy_of_change(
+    constants: Constants, state: State, has_torque: bool, link_sensors: int, variance_ratio: float
+) -> float:
+    """Energy of the hypothesis that the newest residual has the mean of the residuals' average: that a
+    contact goes on. Arguments as for `energy_without_contact`, without a base sensor."""
+    n, count, energy = state.torque.shape[0], state.link_wrench.shape[0], 0.0
+    average = state.ewma.status[0]
+    variance_ratio += average.variance_ratio - 2.0 * average.residual_covariance
+    torque = block(state.ewma.mean, 6 * (n + 1) + n, (n,))
+    link_wrench = block(state.ewma.mean, 6 * (n + 1) + 2 * n + 6 * count, (count, 6))
+    if has_torque:
+        for j in range(n):
+            noise = constants.sensors.torque_variance[j] * state.noise_scale.noise[TORQUE].scale
+            energy += 0.5 * (state.torque[j] - torque[j]) ** 2 / (noise * variance_ratio)
+    for s in range(count):
+        if link_sensors >> s & 1:
+            for i in range(6):
+                row, noise = (
+                    component_about(state.link_origin[s], i),
+                    constants.sensors.link_variance[s, i // 3],
+                )
+                change = dot6(row, state.link_wrench[s]) - dot6(row, link_wrench[s])
+                energy += 0.5 * change**2 / (noise * variance_ratio)
     return energy
 
 
@@ -173,5 +224,7 @@ def update_bias_filter(
         constants.link_sensors.first_body,
     )
     for j in range(n):
+        change = state.observers.joints.residual[j] - state.torque[j]
+        state.ewma.mean[6 * (n + 1) + n + j] += change
         for k in range(state.friction_at_rest.mean_residual.shape[0]):
-            state.friction_at_rest.mean_residual[k, j] += state.observers.joints.residual[j] - state.torque[j]
+            state.friction_at_rest.mean_residual[k, j] += change

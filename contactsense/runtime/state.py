@@ -14,6 +14,7 @@ from contactsense.residuals.inertia_torque import InertiaTorque
 from contactsense.residuals.joint_friction import JointTorqueModel
 from contactsense.residuals.noise_scale import NoiseScale, restart
 from contactsense.residuals.observers import Observers
+from contactsense.residuals.residual_ewma import ResidualEwma
 from contactsense.residuals.sensor_consistency import SensorConsistency
 from contactsense.residuals.timing_error import TimingError
 from contactsense.robots.jit.declaration import Floats, Integers, Sized
@@ -46,6 +47,8 @@ class State(NamedTuple):
     answer: Answer
     """The newest answer of a kernel that Python calls for one sample."""
     observers: Observers
+    ewma: ResidualEwma
+    """Average of the residuals of a stream without a base sensor."""
     track: ContactTrack
     """The current contact."""
     stream: StreamState

@@ -23,7 +23,8 @@ import numpy as np
 from contactsense.isolation.link_hypotheses import SensorModel
 from contactsense.kinematics.model import Motion
 from contactsense.kinematics.spatial import dot6
-from contactsense.residuals.observers import Observers
+from contactsense.residuals.observers import Observers, concatenate_residuals
+from contactsense.residuals.residual_ewma import ResidualEwma, average_noise
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.declaration import Floats, Records, record
 from contactsense.robots.jit.kernel import kernel
@@ -72,6 +73,8 @@ class ContactStatus:
     """Code of the sensors whose residuals are in the windows."""
     above_onset: bool
     """Whether the last sample was above the onset threshold."""
+    sustained: bool
+    """Whether only the residuals' EWMA shows the contact."""
     last_body: int
     """Index of the body of the last estimate; -1: there was none."""
     time_since_end: float
@@ -82,8 +85,7 @@ class ContactTrack(NamedTuple):
     """State of the current contact."""
 
     mean: Annotated[Floats, f"{WINDOWS}, 6 * (joints + 1) + 2 * joints + 12 * link_sensors"]
-    """Window means of the residuals: base wrench in the frame of each body, torque differences, torques,
-    differences of the link sensors, their wrenches."""
+    """Window means of the residuals, see `contactsense.residuals.observers.concatenate_residuals`."""
     variance_ratio: Annotated[Floats, f"{WINDOWS}"]
     """Variance of each window's mean over that of one sample's white noise."""
     residual_covariance: Annotated[Floats, f"{WINDOWS}"]
@@ -112,6 +114,7 @@ def end_contact(track: ContactTrack) -> None:
     """End the contact, which cannot resume; ids continue."""
     status = track.status[0]
     status.phase, status.window, status.above_onset, status.last_body = NONE, 0, False, -1
+    status.sustained = False
     status.age, status.time_since_slide, status.time_since_end = 0.0, 0.0, math.inf
 
 
@@ -127,27 +130,9 @@ def restart_windows(track: ContactTrack) -> None:
 
 
 @kernel
-def _concatenate_residuals(out: np.ndarray, observers: Observers) -> None:
-    """Concatenate the observers' residuals."""
-    index = 0
-    for part in (
-        observers.base.residual,
-        observers.torque_difference.residual,
-        observers.joints.residual,
-    ):
-        for i in range(part.shape[0]):
-            out[index] = part[i]
-            index += 1
-    for parts in (observers.link_difference.residual, observers.links.residual):
-        for s in range(parts.shape[0]):
-            for i in range(6):
-                out[index] = parts[s, i]
-                index += 1
-
-
-@kernel
 def average_windows(
     track: ContactTrack,
+    ewma: ResidualEwma,
     observers: Observers,
     variance_ratio: float,
     sensors: int,
@@ -155,10 +140,11 @@ def average_windows(
     bandwidth: float,
 ) -> None:
     """Add the observers' residuals to all windows. The first sample of a contact initializes them, and so
-    does a sample with other sensors than before.
+    does a sample with other sensors than before. A sustained contact begins with the average that showed it.
 
     Args:
         track: Changed in place.
+        ewma: Of the stream, with this sample where the contact is sustained.
         observers: Of the stream.
         variance_ratio: Variance of their residuals over that of one sample's white noise.
         sensors: Code of the usable sensors, see `contactsense.sensors.stream_state.usable_sensors_code`.
@@ -166,7 +152,7 @@ def average_windows(
         bandwidth: Cut-off frequency of the observers [Hz].
     """
     residual = track.mean[0]
-    _concatenate_residuals(residual, observers)
+    concatenate_residuals(residual, observers)
     track.variance_ratio[0] = variance_ratio
     track.residual_covariance[0] = variance_ratio
     K = 2.0 * math.pi * bandwidth
@@ -177,6 +163,13 @@ def average_windows(
     decay = math.exp(-K * dt)
     length = WINDOW_GROWTH / K
     for i in range(1, WINDOWS):
+        if restart and status.sustained:
+            average = ewma.status[0]
+            copy(ewma.mean, track.mean[i])
+            track.variance_ratio[i] = average.variance_ratio
+            track.residual_covariance[i] = average.residual_covariance
+            track.samples[i], track.age[i] = average.samples, average.age
+            continue
         if restart:
             copy(residual, track.mean[i])
             track.variance_ratio[i] = variance_ratio
@@ -192,16 +185,10 @@ def average_windows(
         mean = track.mean[i]
         for k in range(residual.shape[0]):
             mean[k] += weight * (residual[k] - mean[k])
-        # The residuals' noise is correlated from sample to sample.
-        residual_covariance = decay * track.residual_covariance[i]
-        keep = 1.0 - weight
-        track.variance_ratio[i] = (
-            keep * keep * track.variance_ratio[i]
-            + 2.0 * weight * keep * residual_covariance
-            + weight * weight * variance_ratio
+        track.variance_ratio[i], track.residual_covariance[i] = average_noise(
+            track.variance_ratio[i], track.residual_covariance[i], variance_ratio, weight, decay
         )
-        track.residual_covariance[i] = keep * residual_covariance + weight * variance_ratio
-        track.age[i] = keep * (track.age[i] + dt) + weight * track.age[0]
+        track.age[i] = (1.0 - weight) * (track.age[i] + dt) + weight * track.age[0]
 
 
 @kernel
@@ -220,9 +207,11 @@ def choose_window(
         bandwidth: Cut-off frequency of the observers [Hz].
     """
     status = track.status[0]
-    status.window = 0
+    # The newest residual alone does not show a sustained contact.
+    status.window = 1 if status.sustained else 0
     if status.last_body < 0:
         return False
+    status.window = 0
     longest = 0
     slid = False
     agreement = AGREE_HOLDING if status.phase == HOLD else AGREE
