@@ -151,9 +151,12 @@ def _residual_panels(analysis: Analysis) -> list[tuple[str, str]]:
     found, scene = analysis.residuals, analysis.scene
     span = (analysis.start, analysis.start + analysis.duration)
     threshold = _threshold(scene, analysis)
+    begins = "where a contact begins"
+    if scene.base_wrench is None:
+        begins += " at once (a weaker one begins when it has lasted)"
     panels = [
         (
-            'Energy of "nothing touches" (logarithm to base 10), dashed: where a contact begins',
+            f'Energy of "nothing touches" (logarithm to base 10), dashed: {begins}',
             panel(
                 [
                     Curve(found.t, np.log10(1.0 + found.energy), NOWHERE, 'energy of "nothing touches"'),
