@@ -24,6 +24,7 @@ from contactsense.service.recordings import (
     RecordingFile,
     scene_in,
 )
+from contactsense.service.recordings.bag_files import is_bag
 from contactsense.service.recordings.export import export
 from contactsense.service.recordings.table_files import reason
 from contactsense.service.recordings.whole_file import write_parquet
@@ -76,7 +77,11 @@ def analyze(
     robots.parquet, days.parquet, fleet.html and fleet.md to OUT. Segments that an earlier run completed are
     not computed again.
     """
-    if workers is not None or scheduler is not None or any(path.is_dir() for path in files):
+    if (
+        workers is not None
+        or scheduler is not None
+        or any(path.is_dir() and not is_bag(path) for path in files)
+    ):
         if limits_path is not None or estimates or mcap or columns is not None:
             raise click.UsageError(
                 "--limits, --estimates, --mcap, --columns: not for a dataset; analyze its files one by one"

@@ -1,19 +1,23 @@
 """Tables from MCAP files and rosbag2 folders: JointState and WrenchStamped messages become columns.
 
-Rows are those of the JointState topic; wrenches are interpolated to their stamps. These files are read as a
-whole. From a truncated file, or a folder without `metadata.yaml`, all readable messages are used.
+Rows are those of the JointState messages that have the arm's joints; for wrenches see `reading_times`. These
+files are read as a whole. From a truncated file, or a folder without `metadata.yaml`, all readable messages
+are used.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from contactsense.scene import Scene
 from contactsense.sensors.link_values import column_of
 from contactsense.service.recordings.column_mapping import ColumnMapping
 from contactsense.service.recordings.cut_bags import STORAGE, raw_messages, storage_files
+from contactsense.service.recordings.joint_order import joint_order
 from contactsense.service.recordings.problems import Problem, RecordingError
+from contactsense.service.recordings.reading_times import readings_at
 from contactsense.service.recordings.table_files import Columns
 
 _JOINT_STATE = "JointState"
@@ -29,8 +33,8 @@ def is_bag(path: Path) -> bool:
 class BagFile:
     """One bag as a table with the columns of `ColumnMapping`'s defaults."""
 
-    def __init__(self, path: Path, mapping: ColumnMapping, link_sensors: Sequence[str] = ()) -> None:
-        """Read all messages of the mapped topics, and of those of the link sensors, fields of a scene.
+    def __init__(self, path: Path, mapping: ColumnMapping, scene: Scene) -> None:
+        """Read all messages of the mapped topics, and of those of the scene's sensors within the arm.
 
         Raises:
             RecordingError: The file cannot be read, or a topic or an extra package is missing.
@@ -39,26 +43,26 @@ class BagFile:
         self.problems: list[Problem] = []
         self.meta: dict[str, str] = {}
         topics = {"base_wrench": mapping.base_wrench_topic, "wrist_wrench": mapping.wrist_wrench_topic}
-        columns = (column_of(field) for field in link_sensors)
+        columns = (column_of(field) for field in scene.link_sensors)
         topics |= {column: f"/{column}" for column in columns if column not in topics}
         messages, found = self._messages((mapping.joint_states, *topics.values()))
         listed = "; ".join(f"{topic} ({kind})" for topic, kind in sorted(found.items())) or "no topics"
         joint = messages.get(mapping.joint_states, [])
-        if not joint:
+        if not joint or not hasattr(joint[0], "position"):
             raise RecordingError(
                 f"{path}: expected {_JOINT_STATE} messages on {mapping.joint_states}, found {listed}; "
                 "--columns joint_states=TOPIC names another topic"
             )
-        self._columns = self._joint_columns(joint, mapping)
+        self._columns = self._joint_columns(joint, mapping, [j.name for j in scene.robot.joints])
         t = self._columns["timestamp"]
         for prefix, topic in topics.items():
-            if messages.get(topic):
-                stamps, values = _wrenches(messages[topic])
-                for i in range(6):
-                    self._columns[f"{prefix}_{i}"] = np.interp(t, stamps, values[:, i], np.nan, np.nan)
-            elif f"{prefix}_topic" in mapping.model_fields_set:
+            came = messages.get(topic, [])
+            if came and hasattr(came[0], "header") and hasattr(came[0], "wrench"):
+                at_rows = readings_at(t, *_wrenches(came))
+                self._columns |= {f"{prefix}_{i}": at_rows[:, i] for i in range(6)}
+            elif came or f"{prefix}_topic" in mapping.model_fields_set:
                 raise RecordingError(f"{path}: expected WrenchStamped messages on {topic}, found {listed}")
-        self.names = list(self._columns)
+        self.names, self.others = list(self._columns), list[str]()
         self.rows: int | None = len(t)
 
     def batches(
@@ -116,30 +120,47 @@ class BagFile:
         self.problems.append(Problem(row, row, "cut_short", f"the bag is incomplete: {problem}"))
         return messages, found
 
-    def _joint_columns(self, messages: list[Any], mapping: ColumnMapping) -> Columns:
-        order = None
-        if mapping.joint_names is not None:
-            names = list(messages[0].name)
-            missing = [name for name in mapping.joint_names if name not in names]
-            if missing:
-                raise RecordingError(
-                    f"{self._path}: {mapping.joint_states}: expected joint {missing[0]}, "
-                    f"got {', '.join(names)}"
-                )
-            order = [names.index(name) for name in mapping.joint_names]
-        columns: Columns = {"timestamp": np.array([_stamp(m) for m in messages])}
+    def _joint_columns(self, messages: list[Any], mapping: ColumnMapping, arm: list[str]) -> Columns:
+        """Columns of the messages that have the arm's joints: a gripper may publish its own on the same
+        topic.
+
+        Raises:
+            RecordingError: None has them.
+        """
+        orders: dict[tuple[str, ...], list[int] | None] = {}
+        chosen: list[tuple[Any, list[int]]] = []
+        for message in messages:
+            names = _joint_names(message)
+            if names not in orders:
+                orders[names] = joint_order(names, arm, mapping.joint_names)
+            order = orders[names]
+            if order is not None:
+                chosen.append((message, order))
+        if not chosen:
+            got = "; ".join(", ".join(names) for names in orders)
+            raise RecordingError(
+                f"{self._path}: {mapping.joint_states}: expected the joints "
+                f"{', '.join(mapping.joint_names or arm)}, got {got}; joint_names: [A, B] in a YAML file for "
+                "--columns names them in the order of the arm"
+            )
+        columns: Columns = {"timestamp": np.array([_stamp(m) for m, _ in chosen])}
         parts = (("actual_q", "position"), ("actual_qd", "velocity"), ("joint_torque", "effort"))
         for prefix, field in parts:
-            rows = [np.asarray(getattr(m, field), dtype=float) for m in messages]
-            width = len(rows[0])
-            if width == 0:
-                continue
-            table = np.array([row if len(row) == width else np.full(width, np.nan) for row in rows])
-            if order is not None:
-                table = table[:, order]
-            for i in range(table.shape[1]):
-                columns[f"{prefix}_{i}"] = table[:, i]
+            rows = [_values(message, field, order) for message, order in chosen]
+            if any(len(getattr(message, field)) for message, _ in chosen):
+                table = np.array(rows)
+                columns |= {f"{prefix}_{i}": table[:, i] for i in range(table.shape[1])}
         return columns
+
+
+def _joint_names(message: Any) -> tuple[str, ...]:
+    return tuple(message.name) or tuple(f"unnamed {i}" for i in range(len(message.position)))
+
+
+def _values(message: Any, field: str, order: list[int]) -> np.ndarray:
+    """Values of the arm's joints; NaN where the message does not have them."""
+    row = np.asarray(getattr(message, field), dtype=float)
+    return row[order] if len(row) == len(_joint_names(message)) else np.full(len(order), np.nan)
 
 
 def _stamp(message: Any) -> float:

@@ -25,6 +25,8 @@ def _as_names(value: Any) -> Any:
 Names = Annotated[tuple[str, ...], BeforeValidator(_as_names)]
 """One prefix (`actual_q` stands for `actual_q_0`, `actual_q_1`, ...) or one column name per value."""
 
+SHORTEST_STEP = 0.0005
+"""Shortest time between two samples that a recording is expected to have [s]."""
 _TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 _ANGLE = {"rad": 1.0, "deg": np.pi / 180.0}
 
@@ -62,7 +64,8 @@ class ColumnMapping(BaseModel):
     """Topic of geometry_msgs/WrenchStamped of the sensor at the wrist. That of a further sensor within the
     arm is `/NAME_wrench`."""
     joint_names: tuple[str, ...] | None = None
-    """Joint names of JointState in the order of the arm; by default, the order of the message."""
+    """Joint names of JointState in the order of the arm; by default the arm's own, also with a prefix, or,
+    in a message with other names and as many joints as the arm has, its order."""
 
     def of_link_sensor(self, field: str) -> Names:
         """Columns of one of `Scene.link_sensors`."""
@@ -116,6 +119,18 @@ class ColumnMapping(BaseModel):
             return cls.model_validate(fields)
         except ValidationError as error:
             raise MappingError(f"column mapping: {describe(error, cls)}") from None
+
+
+def unit_hint(step: float, longest: float) -> str:
+    """A question about the unit of the time, if another one makes the time between two samples plausible.
+
+    Args:
+        step: The time between two samples as read [s].
+        longest: Longest plausible one [s].
+    """
+    plausible = (unit for unit, scale in _TIME.items() if SHORTEST_STEP <= step * scale <= longest)
+    unit = next(plausible, None)
+    return "" if unit is None else f"; is another unit meant (--columns time_unit={unit})?"
 
 
 def expand(names: Sequence[str], count: int, available: Sequence[str]) -> list[str]:

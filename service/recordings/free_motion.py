@@ -10,7 +10,7 @@ from contactsense.runtime.link_sensor_frame import LinkSensorFrame
 from contactsense.runtime.wrench_map import WrenchMap
 from contactsense.scene import Scene
 from contactsense.sensors.timing import LONGEST_GAP
-from contactsense.service.recordings.column_mapping import ColumnMapping
+from contactsense.service.recordings.column_mapping import ColumnMapping, unit_hint
 from contactsense.service.recordings.problems import Problem, RecordingError
 from contactsense.service.recordings.recording_file import RecordingFile
 
@@ -78,7 +78,7 @@ def read_free_motion(
     step = float(np.median(np.concatenate([np.diff(part.t) for part in stretches])))
     if step > LONGEST_GAP:
         raise RecordingError(
-            f"{path}: timestamp: expected samples at most {LONGEST_GAP:g} s apart, got {step:.3g} s; "
-            "is another unit meant (--columns time_unit=ms)?"
+            f"{path}: timestamp: expected samples at most {LONGEST_GAP:g} s apart, got {step:.3g} s"
+            f"{unit_hint(step, LONGEST_GAP)}"
         )
     return stretches, found.problems

@@ -17,10 +17,14 @@ from contactsense.service.recordings.cleaning import RowChecker
 from contactsense.service.recordings.column_mapping import ColumnMapping, expand
 from contactsense.service.recordings.held_values import HeldValues
 from contactsense.service.recordings.problems import Problem, RecordingError
+from contactsense.service.recordings.reading_times import is_slower, readings_at
 from contactsense.service.recordings.recording import BLOCK, Recording, concatenate
 from contactsense.service.recordings.table_files import Columns, TableFile, chosen_rows, open_table
 from contactsense.service.sensors.robot_stream import SensorError
 from contactsense.service.sensors.signal_mapping import TorqueMap
+
+SLOWEST = 0.15
+"""Longest time between two readings of a slow sensor whose delay is taken off without loss [s]."""
 
 
 class RecordingFile:
@@ -41,9 +45,7 @@ class RecordingFile:
         self.name = str(path)
         self._scene, self._mapping = scene, mapping or ColumnMapping()
         self._table: TableFile = (
-            BagFile(self.path, self._mapping, tuple(scene.link_sensors))
-            if is_bag(self.path)
-            else open_table(self.path)
+            BagFile(self.path, self._mapping, scene) if is_bag(self.path) else open_table(self.path)
         )
         self.meta: Mapping[str, str] = self._table.meta
         """Metadata of the file."""
@@ -68,18 +70,22 @@ class RecordingFile:
         """
         checker, held, end = RowChecker(), HeldValues(), 0
         pending = _Pending(self._late, self._links)
-        reported = 0
+        reported = kept = 0
         for row, columns in chosen_rows(self._table.batches(self._wanted, first, last), first, last):
-            block = self._converted(columns, row, checker, held)
+            # What is not finite is reported, and stays so in every product.
+            with np.errstate(invalid="ignore"):
+                block = self._converted(columns, row, checker, held)
             end = row + len(columns[self._mapping.timestamp])
+            kept += len(block)
             for part in pending.add(block).blocks(size):
                 new, reported = tuple(checker.problems[reported:]), len(checker.problems)
                 yield replace(part, problems=new, repeated=checker.repeated, meta=self.meta)
         checker.finish()
         rest = pending.flush()
         new = (*checker.problems[reported:], *held.problems(end), *self._absent, *self._table.problems)
-        if rest is None:
-            raise RecordingError(f"{self.name}: expected at least two samples, got none")
+        if rest is None or not kept:
+            why = next((f": {problem}" for problem in (*self._table.problems, *new)), "")
+            raise RecordingError(f"{self.name}: expected at least two samples, got none{why}")
         parts = list(rest.blocks(size)) or [rest]
         for part in parts[:-1]:
             yield part
@@ -168,9 +174,9 @@ class RecordingFile:
         )
 
     def _found(self) -> str:
-        names = self._table.names
-        more = f" and {len(names) - 24} more" if len(names) > 24 else ""
-        return ", ".join(names[:24]) + more if names else "none with numbers"
+        names, others = self._table.names, self._table.others
+        found = _listed(names) if names else "none with numbers"
+        return f"{found}; without numbers: {_listed(others)}" if others else found
 
     def _converted(self, columns: Columns, first: int, checker: RowChecker, held: HeldValues) -> Recording:
         t = columns[self._mapping.timestamp] * self._mapping.seconds
@@ -233,6 +239,11 @@ class RecordingFile:
         return source.torque(fields)
 
 
+def _listed(names: list[str]) -> str:
+    more = f" and {len(names) - 24} more" if len(names) > 24 else ""
+    return ", ".join(names[:24]) + more
+
+
 class _LinkColumns(NamedTuple):
     """The columns of one link sensor."""
 
@@ -247,14 +258,16 @@ class _Pending:
     `late` before its arrival.
 
     Rows wait until the readings for their instant have arrived; as many before them are kept, because a delay
-    may be negative. A clock that was set back begins a new stretch, whose readings are its own.
+    may be negative. A clock that was set back begins a new stretch, whose readings are its own. They wait for
+    `SLOWEST` longer, since a sensor that is slower than the rows has its next reading only then.
     """
 
     def __init__(self, late: float, links: Mapping[str, _LinkColumns]) -> None:
         """`late`: delay of the base sensor [s]; `links`: the link sensors."""
         self._late = late
         self._links = {field: link for field, link in links.items() if link.late != 0.0}
-        self._longest = max([abs(late), *(abs(link.late) for link in self._links.values())])
+        longest = max([abs(late), *(abs(link.late) for link in self._links.values())])
+        self._longest = longest + SLOWEST if longest > 0.0 else 0.0
         self._rest: Recording | None = None
         self._taken = 0  # rows of the rest that have been returned
 
@@ -299,6 +312,11 @@ def _earlier(t: np.ndarray, values: np.ndarray, late: float) -> np.ndarray:
     """The values, shape (N, 6), that arrive `late` [s] after each of the times t, shape (N,) [s]."""
     found = np.empty_like(values)
     for rows in _stretches(t):
+        there = np.isfinite(values[rows]).all(axis=1)
+        stamps = t[rows][there] - late
+        if is_slower(stamps, t[rows]):
+            found[rows] = readings_at(t[rows], stamps, values[rows][there])
+            continue
         for i in range(values.shape[1]):
             found[rows, i] = np.interp(t[rows] + late, t[rows], values[rows, i])
     return found

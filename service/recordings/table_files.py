@@ -28,6 +28,8 @@ _BUFFER = 1 << 20
 
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Units of Arrow's time stamps [s]."""
+_ARROW = b"ARROW1"
+"""The first bytes of an Arrow IPC file; a stream does not have them."""
 _GZIP = b"\x1f\x8b"
 """The first bytes of a file that is packed with gzip."""
 
@@ -40,6 +42,8 @@ class TableFile(Protocol):
 
     names: list[str]
     """Names of the numeric columns."""
+    others: list[str]
+    """Names of the other ones."""
     meta: dict[str, str]
     """Metadata of the file."""
     problems: list[Problem]
@@ -66,8 +70,8 @@ def open_table(path: Path) -> TableFile:
         suffix = path.suffix.lower()  # some programs write names in capitals
         if suffix == ".parquet":
             return _Parquet(path)
-        if suffix in (".arrow", ".arrows"):
-            return _ArrowStream(path)
+        if suffix in (".arrow", ".arrows", ".feather"):
+            return _ArrowFile(path)
         return _Csv(path)
     except (OSError, pa.ArrowException) as error:
         raise RecordingError(f"{path}: cannot read the recording: {reason(error)}") from None
@@ -95,6 +99,11 @@ def reason(error: Exception) -> str:
 def _numeric(schema: pa.Schema) -> list[str]:
     types = (pa.types.is_integer, pa.types.is_floating, pa.types.is_timestamp)
     return [f.name for f in schema if any(is_type(f.type) for is_type in types)]
+
+
+def _not_numeric(schema: pa.Schema) -> list[str]:
+    numeric = _numeric(schema)
+    return [name for name in schema.names if name not in numeric]
 
 
 def _text(metadata: dict[bytes, bytes] | None) -> dict[str, str]:
@@ -127,7 +136,7 @@ class _Parquet:
         self.problems: list[Problem] = []
         self._file = pa_parquet.ParquetFile(path, buffer_size=_BUFFER, pre_buffer=False)
         _check_twice(path, self._file.schema_arrow.names)
-        self.names = _numeric(self._file.schema_arrow)
+        self.names, self.others = _numeric(self._file.schema_arrow), _not_numeric(self._file.schema_arrow)
         self.meta = _text(self._file.schema_arrow.metadata)
         self.rows: int | None = self._file.metadata.num_rows
 
@@ -174,6 +183,7 @@ class _ParquetFolder:
             raise RecordingError(f"{path}: expected a folder with .parquet files of samples, got none")
         self._parts = [_Parquet(file) for file in files]
         self.names = [n for n in self._parts[0].names if all(n in part.names for part in self._parts)]
+        self.others = self._parts[0].others
         self.meta = self._parts[0].meta
         self.problems: list[Problem] = []
         self.rows: int | None = sum(part.rows or 0 for part in self._parts)
@@ -192,23 +202,33 @@ class _ParquetFolder:
             ]
 
 
-class _ArrowStream:
+class _ArrowFile:
+    """Arrow IPC: a stream, or the file format that pandas writes as Feather."""
+
     def __init__(self, path: Path) -> None:
         self._path = path
         self.problems: list[Problem] = []
         self.rows: int | None = None
-        with pa.OSFile(str(path)) as source, pa.ipc.open_stream(source) as stream:
-            self.names = _numeric(stream.schema)
-            self.meta = _text(stream.schema.metadata)
+        with path.open("rb") as file:
+            self._indexed = file.read(len(_ARROW)) == _ARROW
+        with pa.OSFile(str(path)) as source:
+            schema = self._open(source).schema
+        self.names, self.others = _numeric(schema), _not_numeric(schema)
+        self.meta = _text(schema.metadata)
+
+    def _open(self, source: pa.OSFile) -> Any:
+        return pa.ipc.open_file(source) if self._indexed else pa.ipc.open_stream(source)
 
     def batches(
         self, names: list[str], first: int = 0, last: int | None = None
     ) -> Iterator[tuple[int, Columns]]:
         row = 0
-        with pa.OSFile(str(self._path)) as source, pa.ipc.open_stream(source) as stream:
+        with pa.OSFile(str(self._path)) as source, self._open(source) as opened:
+            parts = map(opened.get_batch, range(opened.num_record_batches)) if self._indexed else opened
+            source_batches = iter(parts)
             while True:
                 try:
-                    batch = stream.read_next_batch()
+                    batch = next(source_batches)
                 except StopIteration:
                     return
                 except (OSError, pa.ArrowException):
@@ -219,7 +239,7 @@ class _ArrowStream:
 
 
 class _Gzip(io.RawIOBase):
-    """A compressed file; a truncated one ends at the truncation, and `cut_short` is set."""
+    """A compressed file; a truncated or damaged one ends there, and `cut_short` is set."""
 
     def __init__(self, path: Path) -> None:
         self._file = gzip.open(path, "rb")  # noqa: SIM115 (closed by `close`)
@@ -231,7 +251,7 @@ class _Gzip(io.RawIOBase):
     def readinto(self, buffer: Any) -> int:
         try:
             data = self._file.read1(len(buffer))
-        except (EOFError, zlib.error):
+        except (EOFError, zlib.error, gzip.BadGzipFile):
             self.cut_short, data = True, b""
         buffer[: len(data)] = data
         return len(data)
@@ -249,6 +269,7 @@ class _Csv:
         self.meta: dict[str, str] = {}
         self.problems: list[Problem] = []
         self.rows: int | None = None
+        self.others: list[str] = []
         with path.open("rb") as file:
             self._packed = file.read(len(_GZIP)) == _GZIP
         with self._open() as stream:
@@ -258,7 +279,8 @@ class _Csv:
             raise RecordingError(f"{path}: expected a table as text, got binary data")
         if ";" in head and not {",", "\t", " "} & set(head):
             raise RecordingError(
-                f"{path}: expected columns separated by commas, tabs or blanks, got semicolons"
+                f"{path}: expected columns separated by commas, tabs or blanks, and decimal points, "
+                "got semicolons"
             )
         self._delimiter = "," if "," in head else "\t" if "\t" in head else " "
         self.names = [name.strip().strip('"') for name in head.split(self._delimiter)]
@@ -274,6 +296,8 @@ class _Csv:
             for row, columns in self._typed(names, pa.float64()):
                 yield row, columns
                 done = row + len(next(iter(columns.values())))
+        except OSError as error:
+            raise RecordingError(f"{self._path}: cannot read the recording: {reason(error)}") from None
         except pa.ArrowInvalid as error:
             if "conversion error" not in str(error).lower():
                 raise RecordingError(f"{self._path}: {reason(error)}") from None
@@ -314,7 +338,9 @@ class _Csv:
                 yield row, columns
                 row += batch.num_rows
             if isinstance(stream, io.BufferedReader) and getattr(stream.raw, "cut_short", False):
-                rejected.append(Problem(row, row, "cut_short", "the packed file ends too early"))
+                rejected.append(
+                    Problem(row, row, "cut_short", "the packed file ends too early or is damaged here")
+                )
         self.problems += rejected
 
     def _parsed(self, batch: pa.RecordBatch, names: list[str], first: int) -> Columns:

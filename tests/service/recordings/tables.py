@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.feather as pa_feather
 import pyarrow.parquet as pa_parquet
 
 N = 50
@@ -55,6 +56,11 @@ def as_folder(path: Path, found: dict[str, np.ndarray]) -> Path:
     pa_parquet.write_table(whole[:20], folder / "part-0.parquet")
     pa_parquet.write_table(whole[20:], folder / "part-1.parquet")
     return path / "robot=left"
+
+
+def as_feather(path: Path, found: dict[str, np.ndarray]) -> Path:
+    pa_feather.write_feather(pa.table(found), path / "a.feather")
+    return path / "a.feather"
 
 
 def as_arrow(path: Path, found: dict[str, np.ndarray]) -> Path:

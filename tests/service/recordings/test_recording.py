@@ -21,12 +21,14 @@ from contactsense.service.recordings import (
     read,
 )
 from contactsense.service.recordings.cleaning import RowChecker
+from contactsense.service.recordings.column_mapping import unit_hint
 from contactsense.service.recordings.metadata import metadata
 from tests.service.recordings.tables import (
     N,
     as_arrow,
     as_blanks,
     as_csv,
+    as_feather,
     as_folder,
     as_gzip,
     as_parquet,
@@ -42,7 +44,7 @@ SCENE = Scene(
 TORQUES = Scene(robot="ur5e", base_wrench=None)
 
 
-@pytest.mark.parametrize("write", [as_csv, as_blanks, as_gzip, as_parquet, as_folder, as_arrow])
+@pytest.mark.parametrize("write", [as_csv, as_blanks, as_gzip, as_parquet, as_folder, as_arrow, as_feather])
 def test_every_table_format_reads_the_same(
     tmp_path: Path, write: Callable[[Path, dict[str, np.ndarray]], Path]
 ) -> None:
@@ -114,6 +116,50 @@ def test_a_folder_that_was_recorded_is_one_recording(tmp_path: Path) -> None:
         path.unlink()
     with pytest.raises(RecordingError, match=r"expected a folder with \.parquet files of samples, got none"):
         read(tmp_path, SCENE)
+
+
+@pytest.mark.parametrize("damage", ["checksum", "garbage"])
+def test_a_packed_file_that_is_damaged_gives_what_it_holds(tmp_path: Path, damage: str) -> None:
+    """The error was said to be one of writing the results."""
+    found = columns()
+    path = as_gzip(tmp_path, found)
+    packed = path.read_bytes()
+    path.write_bytes(packed[:-8] + b"x" * 8 if damage == "checksum" else packed + b"no more of it")
+    recording = read(path, SCENE)
+    np.testing.assert_allclose(recording.t, found["timestamp"], atol=1e-9)
+    assert [p.kind for p in recording.problems] == ["cut_short"]
+
+
+def test_a_file_without_a_time_that_is_a_number_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(text(columns(), "\t").replace(".", ","))
+    with pytest.raises(
+        RecordingError, match=r"got none: rows 0 to 49: timestamp: expected numbers, got '100,0"
+    ):
+        read(tmp_path / "a.csv", SCENE)
+
+
+def test_columns_that_are_no_numbers_are_named(tmp_path: Path) -> None:
+    whole = pa.table(columns())
+    whole = whole.set_column(0, "timestamp", whole["timestamp"].cast(pa.string()))
+    pa_parquet.write_table(whole, tmp_path / "a.parquet")
+    with pytest.raises(RecordingError, match=r"without numbers: timestamp; --columns timestamp=NAME"):
+        read(tmp_path / "a.parquet", SCENE)
+
+
+@pytest.mark.filterwarnings("error")
+def test_infinite_readings_are_missing(tmp_path: Path) -> None:
+    found = columns()
+    found["base_wrench_2"][3] = np.inf
+    found["joint_torque_1"][4] = -np.inf
+    recording = read(as_parquet(tmp_path, found), SCENE)
+    assert [(p.row_from, p.row_to, p.kind) for p in recording.problems] == [
+        (4, 5, "not_finite"), (3, 4, "not_finite"),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(("step", "unit"), [(2.0, "ms"), (2e3, "us"), (2e6, "ns"), (0.2, None)])
+def test_the_unit_that_would_be_plausible_is_proposed(step: float, unit: str | None) -> None:
+    assert unit_hint(step, 0.15) == (f"; is another unit meant (--columns time_unit={unit})?" if unit else "")
 
 
 def test_semicolons_are_named(tmp_path: Path) -> None:
