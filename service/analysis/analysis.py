@@ -69,7 +69,7 @@ class Analysis:
     def judged(self) -> bool:
         """Whether any sample could be used. If none could, no contacts does not mean that nothing touched the
         arm."""
-        return bool(self.contacts) or self.residuals.free > 0
+        return bool(self.contacts) or self.residuals.usable > 0
 
     def to_arrow(self) -> pa.Table:
         """The contacts as an Arrow table, see `contactsense.service.analysis.contact_table.SCHEMA`."""

@@ -4,6 +4,7 @@ import numpy as np
 
 from contactsense.sensors.timing import LONGEST_FIRST_STEP
 from contactsense.service.analysis.analysis import Analysis
+from contactsense.service.recordings.column_mapping import unit_hint
 
 TOO_LARGE = 1.3
 """Residuals larger than this many standard deviations indicate a wrong model or wrong noise."""
@@ -48,8 +49,10 @@ def health(analysis: Analysis) -> list[tuple[bool, str]]:
     }
     for i, (name, in_scene) in enumerate(there.items()):
         if in_scene and found.missing[i]:
+            never = found.missing[i] == analysis.samples and "." not in name
+            advice = f" If the arm has no such sensor, write `{name}: null` in the scene." if never else ""
             findings.append(
-                (False, f"{name} was missing in {_share(found.missing[i], count)} of the samples.")
+                (False, f"{name} was missing in {_share(found.missing[i], count)} of the samples.{advice}")
             )
     if found.degraded:
         findings.append(
@@ -65,7 +68,7 @@ def health(analysis: Analysis) -> list[tuple[bool, str]]:
             (
                 False,
                 f"timestamp: expected samples at most {LONGEST_FIRST_STEP:g} s apart, got {step:.3g} s on "
-                "average; is another unit meant (--columns time_unit=ms)?",
+                f"average{unit_hint(step, LONGEST_FIRST_STEP)}",
             )
         )
     if analysis.judged and step > LONG_STEP:
@@ -77,7 +80,9 @@ def health(analysis: Analysis) -> list[tuple[bool, str]]:
             )
         )
     if found.free == 0:
-        findings.append((False, "No sample is free of contact: model and noise cannot be checked."))
+        # All samples may still be estimated, from the other sensors.
+        which = "free of contact" if found.touched == analysis.samples else "free of contact and not degraded"
+        findings.append((False, f"No sample is {which}: model and noise cannot be checked."))
         return findings
     for name, parts, ratio in _ratios(analysis):
         text = ", ".join(f"{part} {x:.2f}" for part, x in zip(parts, ratio, strict=True))

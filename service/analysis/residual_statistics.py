@@ -38,7 +38,9 @@ class ResidualSummary:
     joint_ratio: np.ndarray
     """The same of the joint torques, shape (n,)."""
     free: int
-    """Samples without contact."""
+    """Samples without contact that are not degraded."""
+    usable: int
+    """Samples with a residual that can be used, of the base wrench or of the joint torques."""
     touched: int
     """Samples with one."""
     degraded: int
@@ -70,7 +72,7 @@ class _Statistics(NamedTuple):
     """How many of these samples have a residual that can be used: base wrench, joint torques, shape (2,),
     int64."""
     counts: np.ndarray
-    """Samples that are free, touched, degraded, and in which each sensor is missing, int64."""
+    """Samples that are free, touched, degraded, usable, and in which each sensor is missing, int64."""
 
 
 class ResidualStatistics:
@@ -91,7 +93,7 @@ class ResidualStatistics:
             np.full((BINS, 1 + joints), np.nan),
             np.zeros(6 + joints),
             np.zeros(2, dtype=np.int64),
-            np.zeros(3 + MAX_SENSORS, dtype=np.int64),
+            np.zeros(4 + MAX_SENSORS, dtype=np.int64),
         )
 
     def add(self, found: BlockEstimates) -> None:
@@ -109,7 +111,7 @@ class ResidualStatistics:
         """Summary of the blocks so far."""
         width, largest, std, squares, squared, counts = self._collected
         filled = np.flatnonzero(np.isfinite(largest[:, 0]))
-        free, touched, degraded, *missing = counts.tolist()
+        free, touched, degraded, usable, *missing = counts.tolist()
         ratio = np.sqrt(squares / np.repeat(np.maximum(squared, 1), (6, len(squares) - 6)))
         largest, std = largest[filled], std[filled]
         return ResidualSummary(
@@ -122,6 +124,7 @@ class ResidualStatistics:
             base_ratio=ratio[:6],
             joint_ratio=ratio[6:],
             free=free,
+            usable=usable,
             touched=touched,
             degraded=degraded,
             missing=tuple(missing),
@@ -149,9 +152,10 @@ def _add(
         counts[1] += touched
         counts[2] += degraded
         for k in range(MAX_SENSORS):
-            counts[3 + k] += flags[i] & MISSING << k != 0
+            counts[4 + k] += flags[i] & MISSING << k != 0
         if not math.isfinite(energy[i]):
             continue
+        counts[3] += usable[i, 0] or usable[i, 1]
         # An onset is detected at the second sample above the threshold; the first one is part of the contact.
         first_touched = i + 1 < t.shape[0] and flags[i + 1] & TOUCHED != 0
         if not (touched or degraded or first_touched):

@@ -35,7 +35,8 @@ def panel(
     largest = max([*values, 1e-9])
     step = nice_step(largest / 4.0)
     limit = step * np.ceil(1.02 * largest / step)
-    low, high = span[0], max(span[1], span[0] + 1e-9)
+    # One sample has no duration, and near a UNIX time two numbers are 2e-7 s apart.
+    low, high = span[0], max(span[1], span[0] + 1e-3)
     inner, depth = WIDTH - LEFT - RIGHT, height - TOP - BOTTOM
 
     def at(x: float, y: float) -> tuple[float, float]:

@@ -110,6 +110,7 @@ def _analyze(recording: Recording, segment: Segment, run: AnalysisRun) -> tuple[
         "samples": last - first,
         "problems": [*problem_lines(recording.problems), *run.complaints],
         "free": found.free,
+        "usable": found.usable,
         "touched": found.touched,
         "degraded": found.degraded,
         "base_ratio": found.base_ratio.tolist(),

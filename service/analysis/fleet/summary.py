@@ -169,7 +169,7 @@ def summarize(
         for i, key in enumerate(("robot", "date")):
             table = table.add_column(i, key, pa.array([result[key]] * len(kept), pa.string()))
         tables.append(table)
-        judged[name] = judged.get(name, False) or len(kept) > 0 or result["free"] > 0
+        judged[name] = judged.get(name, False) or len(kept) > 0 or result["usable"] > 0
         one, day, hours = result["robot"], result["date"], (result["end"] - result["begin"]) / 3600.0
         robot = robots.setdefault(one, RobotSummary(one, scenes[one]))
         robot.recordings += result["index"] == 0

@@ -54,6 +54,34 @@ def test_all_files_are_written(folder: Path) -> None:
     ]  # fmt: skip
 
 
+@pytest.mark.parametrize("missing", ["joint_torque", "base_wrench"])
+def test_a_sensor_that_the_file_lacks_leaves_the_other_one(tmp_path: Path, missing: str) -> None:
+    """No sample was said to be usable, since each is degraded."""
+    path = write_motion(demo(), tmp_path / "part.parquet", last=500)
+    table = pa_parquet.read_table(path)
+    pa_parquet.write_table(table.drop_columns([f"{missing}_{i}" for i in range(6)]), path)
+    (tmp_path / "scene.yaml").write_text("robot: ur5e\n")
+    result = CliRunner().invoke(
+        analyze, [str(path), "--scene", str(tmp_path / "scene.yaml"), "--out", str(tmp_path / "out")]
+    )
+    assert result.exit_code == 0
+    assert "nothing touched the arm" in result.output
+    assert f"write `{missing}: null` in the scene" in result.output
+    assert "No sample is free of contact and not degraded" in result.output
+
+
+def test_one_sample_at_a_unix_time_has_a_report(tmp_path: Path) -> None:
+    path = write_motion(demo(), tmp_path / "one.parquet", last=1)
+    table = pa_parquet.read_table(path)
+    pa_parquet.write_table(table.set_column(0, "timestamp", [[1.7e9]]), path)
+    (tmp_path / "scene.yaml").write_text("robot: ur5e\n")
+    result = CliRunner().invoke(
+        analyze, [str(path), "--scene", str(tmp_path / "scene.yaml"), "--out", str(tmp_path / "out")]
+    )
+    assert "no sample could be used" in result.output
+    assert (tmp_path / "out" / "report.html").exists()
+
+
 @pytest.mark.parametrize(
     ("columns", "scale", "complaint"),
     [
@@ -108,7 +136,7 @@ def test_residuals_far_above_the_noise_are_warned_of() -> None:
         contacts=(),
         residuals=ResidualSummary(
             *(np.zeros(0) for _ in range(4)), np.zeros((0, 6)), np.zeros((0, 6)), np.ones(6), np.full(6, 2.9),
-            free=100, touched=0, degraded=0, missing=(0, 0),
+            free=100, usable=100, touched=0, degraded=0, missing=(0, 0),
         ),
     )  # fmt: skip
     assert warning(found) == ""
