@@ -67,7 +67,10 @@ class Service:
         """Latched collisions in the journal's file; open while the service runs."""
         try:
             self.reactions = Reactions(
-                self._load_rules(self.scene), settings.robot_host, lambda command: self.runner.send(command)
+                self._load_rules(self.scene),
+                settings.robot_host,
+                lambda command: self.runner.send(command),
+                settings.robot_port,
             )
         except RulesError as error:
             raise SettingsError(str(error)) from None

@@ -2,7 +2,6 @@
 
 import json
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +9,14 @@ import click
 from pydantic import ValidationError
 
 from contactsense import Localizer, Scene, SceneError
+from contactsense.runtime.block_runner import MAX_BLOCK
 from contactsense.scene import describe
 from contactsense.service.reactions.decision import Decision
 from contactsense.service.reactions.engine import Engine
 from contactsense.service.reactions.explain import explain, explain_actions
 from contactsense.service.reactions.rules import ReactionRules, RulesError
-from contactsense.service.recordings import Recording, RecordingError, read
+from contactsense.service.recordings import MappingError, Recording, RecordingError, read
+from contactsense.service.recordings.problem_lines import problem_lines
 
 
 @click.group()
@@ -30,8 +31,18 @@ def reactions() -> None:
 @click.option(
     "--replay", type=click.Path(path_type=Path), help="Recording: print when the rules would have fired."
 )
+@click.option(
+    "--columns", help="With --replay: column names and units, as q=joint_,time_unit=ms or a YAML file."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
-def check(file: Path, scene_file: Path | None, robot: str, replay: Path | None, as_json: bool) -> int:
+def check(
+    file: Path,
+    scene_file: Path | None,
+    robot: str,
+    replay: Path | None,
+    columns: str | None,
+    as_json: bool,
+) -> int:
     """Check the rules in FILE and describe each in words, then each action.
 
     Warns of programs and files that actions need and that this computer does not have.
@@ -46,8 +57,8 @@ def check(file: Path, scene_file: Path | None, robot: str, replay: Path | None, 
             rules.check(scene)
         except RulesError as error:
             raise RulesError(f"{file}: {error}") from None
-        fired = None if replay is None else list(_fired(rules, scene, read(replay, scene)))
-    except (RulesError, SceneError, RecordingError) as error:
+        fired = None if replay is None else _fired(rules, scene, read(replay, scene, columns))
+    except (RulesError, SceneError, RecordingError, MappingError) as error:
         raise click.ClickException(str(error)) from None
     for text in rules.missing:
         click.echo(f"warning: {text}", err=True)
@@ -87,19 +98,37 @@ def _scene(file: Path | None, robot: str) -> Scene:
         raise SceneError(str(error.args[0] if error.args else error)) from None
 
 
-def _fired(rules: ReactionRules, scene: Scene, recording: Recording) -> Iterator[Decision]:
+def _fired(rules: ReactionRules, scene: Scene, recording: Recording) -> list[Decision]:
+    """The levels that would have begun.
+
+    Raises:
+        RecordingError: No sample could be used, so it is not known.
+    """
     localizer, engine = Localizer(scene), Engine(rules, scene)
     localizer.reset()
+    fired: list[Decision] = []
     with click.progressbar(
         recording.samples(), length=len(recording.t), label="replaying", file=sys.stderr
     ) as samples:
         for sample in samples:
             estimate = localizer.step(sample)
-            for decision in engine.step(sample, estimate):
-                if decision.kind == "begin":
-                    yield decision
+            fired += [decision for decision in engine.step(sample, estimate) if decision.kind == "begin"]
             if estimate.status == "none" and engine.latches:
                 engine.acknowledge()
+    for text in (*problem_lines(recording.problems), *localizer.refusals):
+        click.echo(f"check: {text}", err=True)
+    if not fired and not _is_usable(scene, recording):
+        raise RecordingError(
+            f"{recording.name}: no sample could be used: whether a rule would have fired is not known; "
+            "`contactsense analyze` says why"
+        )
+    return fired
+
+
+def _is_usable(scene: Scene, recording: Recording) -> bool:
+    """Whether a contact could have been found in any sample."""
+    blocks = Localizer(scene).run_blocks(recording.sample_blocks(MAX_BLOCK))
+    return any(bool(block.usable.any()) for block in blocks)
 
 
 def _print(fired: list[Decision], replay: Path | None) -> None:

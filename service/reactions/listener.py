@@ -19,7 +19,7 @@ from contactsense.service.reactions.engine import Engine
 from contactsense.service.reactions.executor_client import ExecutorClient
 from contactsense.service.reactions.health import ActionHealth
 from contactsense.service.reactions.rtde_inputs import RtdeInputs
-from contactsense.service.reactions.rules import ReactionRules
+from contactsense.service.reactions.rules import RTDE_PORT, ReactionRules
 from contactsense.types import Estimate, Sample
 
 _A = TypeVar("_A")
@@ -171,7 +171,7 @@ class ReactionListener:
         outputs = [name for name in (inputs.acknowledge, inputs.announce) if name is not None]
         if host is None or not (recipes or outputs):
             return None
-        return RtdeInputs(host, self._rules.robot.rtde_port, recipes, outputs)
+        return RtdeInputs(host, self._rules.robot.rtde_port or RTDE_PORT, recipes, outputs)
 
     def _select(self) -> None:
         """Select the decision that the registers show: the latest of the highest active level."""
@@ -210,7 +210,9 @@ class ReactionListener:
                 self._note(name, ready and self._health[name].state != "failing", self._health[name].error)
         elif isinstance(action, SpeedSliderAction):
             value = action.fraction if begins else action.restore
-            if value is not None and self._inputs is not None:
+            # While another level wants the arm to be slow, the end of this one changes nothing.
+            held = not begins and any(name in active.actions for active in self._engine.active)
+            if value is not None and not held and self._inputs is not None:
                 self._health[name].started += 1
                 self._slider_due = value
                 self._write_slider()

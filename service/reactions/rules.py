@@ -25,6 +25,10 @@ Force = Annotated[float, Field(gt=0.0, le=LARGEST_FORCE)]
 """Readings beyond the largest force are not used: a level above it would never begin [N]."""
 
 
+RTDE_PORT = 30004
+"""The RTDE port of a controller."""
+
+
 class RulesError(ValueError):
     """The rules cannot be used: the message names file and field, what was expected and what was given."""
 
@@ -128,7 +132,8 @@ class RobotAddress(FileModel):
 
     host: str | None = None
     """Address of the robot's controller; None: the controller that sends the samples."""
-    rtde_port: Annotated[int, Field(ge=1, le=65535)] = 30004
+    rtde_port: Annotated[int, Field(ge=1, le=65535)] | None = None
+    """Its RTDE port; None: that of the controller that sends the samples, and 30004 where `host` is given."""
 
 
 class ReactionRules(FileModel):
@@ -138,7 +143,7 @@ class ReactionRules(FileModel):
     moving_speed: PositiveFloat = 0.02
     """The arm moves when a joint is faster than this [rad/s]."""
     groups: dict[str, Annotated[tuple[str, ...], Field(min_length=1)]] = Field(default_factory=dict)
-    """Name of a group -> its links."""
+    """Name of a group -> its links and further groups."""
     inputs: Inputs = Inputs()
     actions: dict[str, Action] = Field(default_factory=dict)
     """Name -> action."""
@@ -190,10 +195,14 @@ class ReactionRules(FileModel):
         Raises:
             RulesError: There is no such link.
         """
+        return self._links_of(names, scene, ())
+
+    def _links_of(self, names: tuple[str, ...], scene: Scene, inside: tuple[str, ...]) -> frozenset[str]:
+        """The same; `inside`: the groups that are being looked into, whose names there are those of links."""
         found: set[str] = set()
         for name in names:
-            if name in self.groups:
-                found |= self.links_of(tuple(n for n in self.groups[name] if n not in self.groups), scene)
+            if name in self.groups and name not in inside:
+                found |= self._links_of(self.groups[name], scene, (*inside, name))
             elif name == ANY:
                 found |= set(scene.link_names)
             elif name == TOOL and scene.tool is not None and scene.tool.name in scene.link_names:
@@ -218,7 +227,7 @@ class ReactionRules(FileModel):
         Raises:
             RulesError: A link is unknown; the message names the rule.
         """
-        named: list[tuple[str, tuple[str, ...]]] = [(f"groups: {k}", v) for k, v in self.groups.items()]
+        named: list[tuple[str, tuple[str, ...]]] = [(f"groups: {k}", (k,)) for k in self.groups]
         named += [(f"rules: {rule.name}", rule.links) for rule in self.rules]
         named += [(f"expected: {window.name}", window.links) for window in self.expected]
         for where, links in named:

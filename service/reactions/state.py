@@ -17,7 +17,7 @@ from contactsense.service.reactions.actions.webhook import WebhookAction
 from contactsense.service.reactions.explain import explain, explain_actions
 from contactsense.service.reactions.health import ActionHealth, LatchOut, ReactionsHealth, ReactionsOut
 from contactsense.service.reactions.listener import ReactionListener
-from contactsense.service.reactions.rules import ReactionRules, RulesError
+from contactsense.service.reactions.rules import RTDE_PORT, ReactionRules, RobotAddress, RulesError
 
 FILE = "reactions.yaml"
 """Name of the rules file if it is in the folder of the scene file."""
@@ -50,6 +50,7 @@ class ReactionSettings(BaseModel):
             rules.check(scene)
         except RulesError as error:
             raise RulesError(f"{file}: {error}") from None
+        log.info("reactions: rules of %s: %s", file, ", ".join(rule.name for rule in rules.rules))
         return rules
 
 
@@ -65,15 +66,20 @@ class Reactions:
         rules: The rules; None if there are none.
         robot_host: Address of the robot that sends the samples.
         send: Sends a command to the pipeline's process; returns False if there is none.
+        robot_port: RTDE port of that robot.
 
     Raises:
         RulesError: An action needs the robot's address, and there is none.
     """
 
     def __init__(
-        self, rules: ReactionRules | None, robot_host: str | None, send: Callable[[dict[str, Any]], bool]
+        self,
+        rules: ReactionRules | None,
+        robot_host: str | None,
+        send: Callable[[dict[str, Any]], bool],
+        robot_port: int = RTDE_PORT,
     ) -> None:
-        self._robot_host, self._send = robot_host, send
+        self._robot_host, self._robot_port, self._send = robot_host, robot_port, send
         self.rules: ReactionRules | None = None
         self.replace(rules)
         self._report: dict[str, Any] = {"active": [], "expected": [], "actions": {}}
@@ -97,6 +103,10 @@ class Reactions:
                 raise RulesError(
                     f"robot.host: expected the controller's address for {', '.join(needed)}, got none"
                 )
+        if rules is None and self.rules is not None:
+            log.warning("reactions: there are no rules any more: nothing reacts to contacts")
+        if rules is not None and rules.robot.host is None and rules.robot.rtde_port is None:
+            rules = rules.model_copy(update={"robot": RobotAddress(rtde_port=self._robot_port)})
         self.rules, self._host = rules, host
         for text in () if rules is None else rules.missing:
             log.warning("reactions: %s", text)

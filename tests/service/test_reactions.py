@@ -142,6 +142,42 @@ def test_check_explains_and_replays(tmp_path: Path) -> None:
     assert fired["link"] == "forearm"
 
 
+def test_check_does_not_say_that_nothing_fires_in_a_recording_that_cannot_be_used(tmp_path: Path) -> None:
+    motion = simulate(SCRIPT)
+    columns = {"time": 1000.0 * motion.t[:500]}
+    for name, values in (
+        ("actual_q", motion.q),
+        ("actual_qd", motion.qd),
+        ("base_wrench", motion.base_wrench),
+    ):
+        columns |= {f"{name}_{i}": column for i, column in enumerate(np.asarray(values)[:500].T)}
+    write_columns(tmp_path / "free.parquet", columns)
+    (tmp_path / "rules.yaml").write_text("rules: [{name: a, links: [any], contact: {force: 5}}]")
+    arguments = [
+        "reactions",
+        "check",
+        str(tmp_path / "rules.yaml"),
+        "--replay",
+        str(tmp_path / "free.parquet"),
+    ]
+    result = CliRunner().invoke(cli, [*arguments, "--columns", "timestamp=time"])
+    assert result.exit_code == 1
+    assert "no sample could be used: whether a rule would have fired is not known" in result.output
+    assert "no rule would have fired" not in result.output
+    result = CliRunner().invoke(cli, [*arguments, "--columns", "timestamp=time,time_unit=ms"])
+    assert result.exit_code == 0, result.output
+    assert "no rule would have fired" in result.output
+    assert "check: row 0: no joint_torque_0" in result.output
+    # With joint torques alone, no force is sure to be detected, but some are.
+    torques = {name: values for name, values in columns.items() if "base" not in name}
+    torques |= {f"joint_torque_{i}": column for i, column in enumerate(motion.joint_torque[:500].T)}
+    write_columns(tmp_path / "free.parquet", torques)
+    result = CliRunner().invoke(cli, [*arguments, "--columns", "timestamp=time,time_unit=ms"])
+    assert result.exit_code == 0, result.output
+    assert "no rule would have fired" in result.output
+    assert CliRunner().invoke(cli, [*arguments, "--columns", "time=time"]).exit_code == 1
+
+
 @pytest.mark.parametrize("text", ["rules: []", "rules: [{name: a, links: [leg], contact: {force: 5}}]", "3"])
 def test_check_refuses_in_one_line(tmp_path: Path, text: str) -> None:
     (tmp_path / "rules.yaml").write_text(text)

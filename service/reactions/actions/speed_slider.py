@@ -17,7 +17,8 @@ class SpeedSliderAction(ActionSettings):
     fraction: Annotated[float, Field(ge=0.01, le=1.0)]
     """Fraction while the level is active."""
     restore: Annotated[float, Field(ge=0.01, le=1.0)] | None = None
-    """Fraction after the level has ended; None: the slider stays until a person or the program raises it."""
+    """Fraction after the last level with this action has ended; None: the slider stays until a person or the
+    program raises it."""
 
     def describe(self) -> str:
         """Return a short description of the action."""

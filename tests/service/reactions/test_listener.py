@@ -98,6 +98,37 @@ def test_a_contact_a_collision_and_an_acknowledgement(play: Play) -> None:
     assert any(r.get("answer") == "7" and not r["active"] for r in play.reports)
 
 
+def test_the_arm_stays_slow_until_the_last_level_ends() -> None:
+    level = {"force": 15.0, "actions": ["slow"]}
+    upper = {"name": "upper", "links": ["upper_arm"], "contact": level}
+    lower = {"name": "lower", "links": ["forearm"], "contact": level, "collision": {**level, "force": 50.0}}
+    with rtde_server() as server:
+        play = Play(server, {"actions": RULES["actions"], "rules": [lower, upper]})
+        try:
+            slider = lambda: play.inputs.get("speed_slider_fraction")  # noqa: E731
+            play.until(lambda: play.listener._inputs is not None and play.listener._inputs.ready)
+            play.step(estimate(0.0, contact(newtons=60.0), contact("upper_arm", newtons=20.0)))
+            play.until(lambda: slider() == (0.1,))
+            written: list[Any] = []
+            write = RtdeInputs.write
+
+            def note(inputs: RtdeInputs, name: str, values: Any) -> bool:
+                written.append(values)
+                return write(inputs, name, values)
+
+            with pytest.MonkeyPatch.context() as patch:
+                patch.setattr(RtdeInputs, "write", note)
+                play.step(estimate(0.1, contact("upper_arm", newtons=20.0)))
+                play.step(estimate(0.2))
+                assert (1, 1.0) not in written
+                # Only the latch is left.
+                play.listener.acknowledge(None, "a test")
+                assert (1, 1.0) in written
+            play.until(lambda: slider() == (1.0,))
+        finally:
+            play.listener.close()
+
+
 def test_the_robot_program_acknowledges_by_a_bit(play: Play) -> None:
     play.server.controller.set_output("output_bit_register_70", (False,))
     play.step(estimate(0.0, contact(newtons=60.0)))

@@ -57,6 +57,20 @@ def test_links_of_groups(tmp_path: Path) -> None:
     assert rules.links_of(("any",), SCENE) == set(SCENE.link_names)
 
 
+def test_groups_of_groups(tmp_path: Path) -> None:
+    """Groups in a group were left out, so that a rule on it never began."""
+    groups = (
+        "groups: {arm: [upper_arm, forearm], both: [arm, wrist], wrist: [wrist_1], forearm: [forearm, tip]}"
+    )
+    rules = load(
+        tmp_path, FILE.replace("groups: {arm: [upper_arm, forearm]}", groups.replace("tip", "wrist_3"))
+    )
+    assert rules.links_of(("both",), SCENE) == {"upper_arm", "forearm", "wrist_1", "wrist_3"}
+    assert rules.links_of(("forearm",), SCENE) == {"forearm", "wrist_3"}
+    with pytest.raises(RulesError, match=r"groups: a: links: expected some of .*, got 'a'"):
+        load(tmp_path, FILE.replace("groups: {arm: [upper_arm, forearm]}", "groups: {a: [b], b: [a]}"))
+
+
 @pytest.mark.parametrize(
     ("before", "after", "complaint"),
     [

@@ -1,6 +1,9 @@
 """What the service knows of the reactions, from reports of the pipeline's process."""
 
+import logging
 from typing import Any
+
+import pytest
 
 from contactsense.service.reactions.rules import ReactionRules
 from contactsense.service.reactions.state import Reactions
@@ -37,3 +40,25 @@ def test_latches_of_before_and_of_a_new_process_are_listed_once_each_until_it_ha
     reactions.handle_report(report(latch("new"), restored=True))
     assert [found.rule for found in reactions.latches] == ["new"]
     assert stored == [["old", "new"], ["new"]]
+
+
+@pytest.mark.parametrize(
+    ("robot", "port"), [({}, 30104), ({"host": "192.0.2.2"}, None), ({"rtde_port": 30204}, 30204)]
+)
+def test_the_registers_are_those_of_the_controller_that_sends_the_samples(
+    robot: dict[str, Any], port: int | None
+) -> None:
+    """The port was 30004 whatever --robot-port."""
+    rules = ReactionRules.model_validate({**RULES.model_dump(by_alias=True), "robot": robot})
+    reactions = Reactions(rules, "192.0.2.1", lambda _: True, 30104)
+    assert reactions.rules is not None
+    assert reactions.rules.robot.rtde_port == port
+
+
+def test_rules_that_vanish_are_reported(caplog: pytest.LogCaptureFixture) -> None:
+    reactions = Reactions(RULES, None, lambda _: True)
+    with caplog.at_level(logging.WARNING, "contactsense"):
+        reactions.replace(RULES)
+        assert not caplog.messages
+        reactions.replace(None)
+    assert caplog.messages == ["reactions: there are no rules any more: nothing reacts to contacts"]
