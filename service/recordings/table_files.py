@@ -117,11 +117,12 @@ def _check_twice(path: Path, names: list[str]) -> None:
             raise RecordingError(f"{path}: {name}: the column is there twice")
 
 
-def _floats(batch: pa.RecordBatch, names: list[str]) -> Columns:
+def floats(batch: pa.RecordBatch, names: list[str]) -> Columns:
+    """Columns of numbers or dates as float64; dates are seconds since 1970."""
     columns = {}
     for name in names:
         column = batch.column(name)
-        if pa.types.is_timestamp(column.type):  # dates, as pandas writes them: seconds since 1970
+        if pa.types.is_timestamp(column.type):  # as pandas writes dates
             unit = _SECONDS[column.type.unit]
             column = pc.multiply(pc.cast(column, pa.int64()).cast(pa.float64(), safe=False), unit)
         elif not pa.types.is_float64(column.type):
@@ -157,7 +158,7 @@ class _Parquet:
                     )
                 )
                 return
-            yield row, _floats(batch, names)
+            yield row, floats(batch, names)
             row += batch.num_rows
 
     def _groups(self, first: int, last: int | None) -> tuple[int, list[int]]:
@@ -234,7 +235,7 @@ class _ArrowFile:
                 except (OSError, pa.ArrowException):
                     self.problems.append(Problem(row, row, "cut_short", "the file ends within a batch"))
                     return
-                yield row, _floats(batch, names)
+                yield row, floats(batch, names)
                 row += batch.num_rows
 
 
@@ -334,7 +335,7 @@ class _Csv:
                     batch = reader.read_next_batch()
                 except StopIteration:
                     break
-                columns = _floats(batch, names) if kind == pa.float64() else self._parsed(batch, names, row)
+                columns = floats(batch, names) if kind == pa.float64() else self._parsed(batch, names, row)
                 yield row, columns
                 row += batch.num_rows
             if isinstance(stream, io.BufferedReader) and getattr(stream.raw, "cut_short", False):

@@ -104,7 +104,7 @@ def _members(robots: list[RobotSummary]) -> str:
 
 
 def _rate(count: int, hours: float) -> str:
-    return f"{count / hours:.2f}" if hours else "0"
+    return f"{count / hours:.2f}" if hours else "unknown"
 
 
 def _robot(robot: RobotSummary) -> dict[str, Any]:
@@ -119,7 +119,7 @@ def _robot(robot: RobotSummary) -> dict[str, Any]:
         "recordings": row["recordings"],
         "hours": f"{row['hours']:.2f}",
         "contacts": row["contacts"],
-        "rate": f"{row['contacts_per_hour']:.2f}",
+        "rate": _rate(row["contacts"], row["hours"]),
         "touched": f"{100.0 * row['touched']:.1f} %",
         "degraded": f"{100.0 * row['degraded']:.1f} %",
         "base_drift": f"{_text(base, 'N')}, {_text(moment, 'Nm', 3)}",

@@ -11,12 +11,14 @@ import pyarrow as pa
 
 from contactsense import Localizer
 from contactsense.scene import Scene
+from contactsense.sensors.timing import LONGEST_FIRST_STEP
 from contactsense.service.analysis.analysis import AnalysisRun
 from contactsense.service.analysis.contact_table import contact_table
 from contactsense.service.analysis.fleet.segments import Segment
 from contactsense.service.analysis.friction_residuals import FrictionResiduals
 from contactsense.service.analysis.residual_statistics import ResidualStatistics
 from contactsense.service.recordings import Recording, RecordingError, read
+from contactsense.service.recordings.cleaning import GAP_STEPS
 from contactsense.service.recordings.problem_lines import problem_lines
 from contactsense.service.recordings.whole_file import whole_file, write_parquet
 
@@ -91,22 +93,24 @@ def _analyze(recording: Recording, segment: Segment, run: AnalysisRun) -> tuple[
     last = len(rows) if segment.last is None else int(np.searchsorted(rows, segment.last))
     if last <= first:
         raise RecordingError(f"{recording.name}: expected samples from row {segment.first} on, got none")
-    own = (float(t[first]), float(t[last - 1]))
-    statistics = ResidualStatistics(recording.q.shape[1], *own)
+    # A clock that was set back must not decide which contacts are the segment's own, nor how long it is.
+    step = np.maximum(np.diff(t, prepend=t[0]), 0.0)
+    handover = float(step[:last].sum()) + HANDOVER
+    after = int(np.searchsorted(np.cumsum(step), handover))
+    statistics = ResidualStatistics(recording.q.shape[1])
     friction = FrictionResiduals(run.scene)
     contacts = [
         contact
         for contact in run.contacts(
             recording, cuts=(first, last), statistics=statistics, own=(first, last), friction=friction
         )
-        if segment.first <= contact.row and (segment.last is None or contact.begin < own[1] + HANDOVER)
+        if segment.first <= contact.row and np.searchsorted(rows, contact.row) < after
     ]
     found = statistics.summary()
     base, torque = run.biases
     change = friction.fit()
     result = {
-        "begin": own[0],
-        "end": own[1],
+        "seconds": _without_gaps(step[first + 1 : last]) if contacts or found.usable else 0.0,
         "samples": last - first,
         "problems": [*problem_lines(recording.problems), *run.complaints],
         "free": found.free,
@@ -123,6 +127,12 @@ def _analyze(recording: Recording, segment: Segment, run: AnalysisRun) -> tuple[
     table = contact_table(contacts)
     names = pa.array([segment.file.name] * table.num_rows, pa.string())
     return result, table.set_column(0, "recording", names)
+
+
+def _without_gaps(step: np.ndarray) -> float:
+    """Time in which the arm was watched [s]; step: times between samples, shape (N,) [s]."""
+    usual = float(np.median(step)) if len(step) else 0.0
+    return float(step[step <= max(LONGEST_FIRST_STEP, GAP_STEPS * usual)].sum())
 
 
 def _plain(values: np.ndarray) -> list[float | None]:

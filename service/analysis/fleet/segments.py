@@ -14,7 +14,8 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pa_parquet
 
-from contactsense.service.recordings.table_files import RAW_READINGS
+from contactsense.sensors.timing import LONGEST_FIRST_STEP
+from contactsense.service.recordings.table_files import RAW_READINGS, floats
 
 SEGMENT_TIME = 600.0
 """Length of a segment [s]."""
@@ -142,11 +143,14 @@ def _rows_and_rate(path: Path) -> tuple[int, float]:
     try:
         file = pa_parquet.ParquetFile(path)
         rows = file.metadata.num_rows
-        times = file.read_row_group(0, columns=["timestamp"])["timestamp"].to_numpy()
+        (batch,) = file.read_row_group(0, columns=["timestamp"]).combine_chunks().to_batches()
+        times = floats(batch, ["timestamp"])["timestamp"]
         span = float(times[-1] - times[0])
-    except (OSError, pa.ArrowException, KeyError, IndexError):
+    except (OSError, pa.ArrowException, KeyError, ValueError):
         return 0, 0.0
-    return rows, (len(times) - 1) / span if span > 0.0 else 0.0
+    # Where samples seem to be further apart, the unit is another one, and segments would be tiny.
+    plausible = 0.0 < span <= LONGEST_FIRST_STEP * (len(times) - 1)
+    return rows, (len(times) - 1) / span if plausible else 0.0
 
 
 def _file(path: Path, name: Path) -> DatasetFile:

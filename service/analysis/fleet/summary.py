@@ -31,7 +31,7 @@ class RobotSummary:
     recordings: int = 0
     """Number of recordings."""
     hours: float = 0.0
-    """Time recorded [h]."""
+    """Time recorded, without gaps and without segments that have no usable sample [h]."""
     contacts: int = 0
     """Number of contacts."""
     touched: int = 0
@@ -63,7 +63,7 @@ class RobotSummary:
     viscous_std: list[list[float | None]] = field(default_factory=list)
     """The same of the viscous part [Nms/rad]."""
     day_hours: dict[str, float] = field(default_factory=dict)
-    """Time recorded on each day [h]."""
+    """The same on each day [h]."""
     day_contacts: dict[str, int] = field(default_factory=dict)
     """Contacts of each day."""
 
@@ -84,9 +84,9 @@ class RobotSummary:
         )
 
     @property
-    def contacts_per_hour(self) -> float:
-        """Contacts per hour of recording."""
-        return self.contacts / self.hours if self.hours > 0.0 else 0.0
+    def contacts_per_hour(self) -> float | None:
+        """Contacts per hour of recording; None if there is no usable one."""
+        return self.contacts / self.hours if self.hours > 0.0 else None
 
     def worst_ratio(self) -> float | None:
         """Largest of the median residuals, in standard deviations; None if no sample was free of contact."""
@@ -146,7 +146,7 @@ def summarize(
     problems: list[str] = []
     tables: list[pa.Table] = []
     seen: dict[str, int] = defaultdict(int)
-    over: dict[str, float] = {}
+    over: dict[str, int] = defaultdict(int)
     skipped = set()
     judged: dict[str, bool] = {}
     for task, result in zip(tasks, results, strict=True):
@@ -158,10 +158,8 @@ def summarize(
             continue
         problems += [f"{name}: {text}" for text in result["problems"] if result["index"] == 0]
         table = pa_parquet.read_table(part_path(task).with_suffix(".parquet"))
-        begin = table["begin"].to_numpy()
-        end = begin + table["duration"].to_numpy()
-        kept = np.flatnonzero(begin > over.get(name, -np.inf))
-        over[name] = max([over.get(name, -np.inf), *end[kept].tolist()])
+        kept = np.flatnonzero(table["row"].to_numpy() >= over[name])
+        over[name] = max([over[name], *table["row_end"].to_numpy()[kept].tolist()])
         table = table.take(kept)
         numbers = pa.array(np.arange(len(kept)) + seen[name] + 1, pa.int64())
         seen[name] += len(kept)
@@ -170,7 +168,7 @@ def summarize(
             table = table.add_column(i, key, pa.array([result[key]] * len(kept), pa.string()))
         tables.append(table)
         judged[name] = judged.get(name, False) or len(kept) > 0 or result["usable"] > 0
-        one, day, hours = result["robot"], result["date"], (result["end"] - result["begin"]) / 3600.0
+        one, day, hours = result["robot"], result["date"], result["seconds"] / 3600.0
         robot = robots.setdefault(one, RobotSummary(one, scenes[one]))
         robot.recordings += result["index"] == 0
         robot.hours += hours

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pa_parquet
 import pytest
 from click.testing import CliRunner
@@ -96,6 +97,18 @@ def test_segments_cover_a_recording_once(tmp_path: Path) -> None:
     assert found[1].end == 60000
 
 
+@pytest.mark.parametrize(("unit", "count"), [("dates", 5), ("us", 1)])
+def test_segments_of_recordings_with_dates_or_another_unit(tmp_path: Path, unit: str, count: int) -> None:
+    """Dates ended in a traceback, microseconds in a segment for each sample."""
+    write_motion(demo(), tmp_path / "one.parquet", rounds=5)
+    table = pa_parquet.read_table(tmp_path / "one.parquet")
+    t = pa.array((1e6 * table["timestamp"].to_numpy()).astype(np.int64))
+    table = table.set_column(0, "timestamp", t.cast(pa.timestamp("us")) if unit == "dates" else t)
+    pa_parquet.write_table(table, tmp_path / "one.parquet")
+    (file,) = find_recordings((tmp_path / "one.parquet",))
+    assert len(list(segments(file, 30.0))) == count
+
+
 @pytest.mark.long
 def test_any_cut_gives_the_same_contacts(tmp_path: Path, scene: Path) -> None:
     write_motion(demo(), tmp_path / "one.parquet", rounds=6)
@@ -112,6 +125,24 @@ def test_any_cut_gives_the_same_contacts(tmp_path: Path, scene: Path) -> None:
             for axis in "xyz":
                 std = other[f"covariance_{axis * 2}"] ** 0.5
                 assert one[f"point_{axis}"] == pytest.approx(other[f"point_{axis}"], abs=std + 1e-4)
+
+
+@pytest.mark.slow
+def test_a_clock_that_is_set_back_loses_no_contacts_and_no_time(tmp_path: Path, scene: Path) -> None:
+    """Contacts before or after it were left out, and hours were negative; gaps counted as hours."""
+    write_motion(demo(), tmp_path / "one.parquet", rounds=3)
+    table = pa_parquet.read_table(tmp_path / "one.parquet")
+    t = table["timestamp"].to_numpy()
+    # Set back by more than the whole recording, then two hours of silence.
+    t = t + np.where(t < 40.0, 5000.0, np.where(t < 53.0, 0.0, 7200.0))
+    table = table.set_column(0, "timestamp", [t])
+    pa_parquet.write_table(table, tmp_path / "one.parquet", row_group_size=5000)
+    for length in (30.0, 600.0):
+        found = analyze_fleet((tmp_path / "one.parquet",), scene, tmp_path / f"{length}", length=length)
+        assert found.contacts.num_rows == 24
+        (robot,) = found.robots
+        assert robot.hours == pytest.approx(3 * 26.0 / 3600.0, rel=0.01)
+        assert robot.contacts_per_hour == pytest.approx(24.0 / robot.hours)
 
 
 @pytest.mark.slow
@@ -233,6 +264,8 @@ def test_a_robot_without_a_usable_sample_is_unknown(tmp_path: Path, scene: Path)
         assert good["residual_ratio"] > 0.0
         assert bad["residual_ratio"] is bad["needs_calibration"] is None
         assert bad["base_bias_drift"] == [None] * 6
+        assert bad["hours"] == 0.0
+        assert bad["contacts_per_hour"] is None
     for name in ("fleet.md", "fleet.html"):
         text = (out / name).read_text()
         assert "unknown" in text
