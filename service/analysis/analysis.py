@@ -18,6 +18,7 @@ from contactsense.service.analysis.contact_summary import ContactSummary
 from contactsense.service.analysis.contact_table import contact_table
 from contactsense.service.analysis.force_limits import ForceLimits
 from contactsense.service.analysis.friction_residuals import FrictionResiduals
+from contactsense.service.analysis.present_sensors import absent_sensors, without_sensors
 from contactsense.service.analysis.residual_statistics import ResidualStatistics, ResidualSummary
 from contactsense.service.analysis.sample_table import sample_table
 from contactsense.service.analysis.smoothing import ContactSmoother
@@ -101,12 +102,12 @@ def analyze(
     Args:
         recording: The recording, or its file, which is read block by block: memory use does not depend on its
             length.
-        scene: The arm, its mounting and its sensors.
+        scene: The arm, its mounting and its sensors. Sensors that the recording lacks are left out.
         estimates: Keep the estimates and residuals of every sample, about 400 bytes each.
         limits: Limits to compare forces with.
         smooth: Determine link and place of each contact from all of its samples together.
         progress: Called with the number of samples done since it was last called.
-        localizer: A localizer of the same scene to reuse.
+        localizer: A localizer of the same scene to reuse; not used if the recording lacks a sensor.
 
     Raises:
         RecordingError: the file cannot be read or lacks a column.
@@ -118,7 +119,9 @@ def analyze(
     def keep(table: pa.Table) -> None:
         tables.append(table)
 
-    run = AnalysisRun(scene, localizer, smooth)
+    absent = absent_sensors(recording, scene)
+    scene = without_sensors(scene, absent)
+    run = AnalysisRun(scene, None if absent else localizer, smooth)
     contacts = tuple(run.contacts(recording, keep if estimates else None, progress))
     return Analysis(
         scene=scene,

@@ -70,6 +70,12 @@ class Recording:
         return float(step[step > 0.0].sum())
 
     @property
+    def sensors(self) -> frozenset[str]:
+        """Fields of the sensors that it has."""
+        own = {"joint_torque": self.joint_torque, "base_wrench": self.base_wrench, **self.link_values}
+        return frozenset(field for field, values in own.items() if values is not None)
+
+    @property
     def link_values(self) -> dict[str, np.ndarray]:
         """Values of the link sensors by field, see `contactsense.sensors.link_values`."""
         return by_field(self.wrist_wrench, self.link_wrenches)

@@ -53,6 +53,12 @@ class RecordingFile:
         self._plan()
 
     @property
+    def sensors(self) -> frozenset[str]:
+        """Fields of the scene's sensors that the file has."""
+        own = {"joint_torque": self._torque_names, "base_wrench": self._base}
+        return frozenset(field for field, columns in own.items() if columns) | self._links.keys()
+
+    @property
     def rows(self) -> int | None:
         """Number of rows, if it is known before the whole file is read."""
         return self._table.rows

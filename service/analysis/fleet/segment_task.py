@@ -16,6 +16,7 @@ from contactsense.service.analysis.analysis import AnalysisRun
 from contactsense.service.analysis.contact_table import contact_table
 from contactsense.service.analysis.fleet.segments import Segment
 from contactsense.service.analysis.friction_residuals import FrictionResiduals
+from contactsense.service.analysis.present_sensors import absent_sensors, without_sensors
 from contactsense.service.analysis.residual_statistics import ResidualStatistics
 from contactsense.service.recordings import Recording, RecordingError, read
 from contactsense.service.recordings.cleaning import GAP_STEPS
@@ -60,6 +61,9 @@ def run_segment(task: SegmentTask) -> dict[str, Any]:
     segment, run = task.segment, _run(task.scene, task.parts)
     try:
         recording = read(segment.file.path, run.scene, first=segment.begin, last=segment.end)
+        absent = absent_sensors(recording, run.scene)
+        if absent:
+            run = _run(task.scene, task.parts, absent)
         result, table = _analyze(recording, segment, run)
     except RecordingError as error:
         result, table = {"problem": str(error)}, contact_table([])
@@ -79,10 +83,10 @@ def run_segment(task: SegmentTask) -> dict[str, Any]:
 
 
 @lru_cache(maxsize=4)
-def _run(scene: str, parts: str) -> AnalysisRun:
-    """One localizer for all segments of a scene; `parts` depends on the content of the scene file when work
-    began."""
-    loaded = Scene.load(scene)
+def _run(scene: str, parts: str, absent: frozenset[str] = frozenset()) -> AnalysisRun:
+    """One localizer for all segments of a scene without the same sensors; `parts` depends on the content of
+    the scene file when work began."""
+    loaded = without_sensors(Scene.load(scene), absent)
     return AnalysisRun(loaded, Localizer(loaded))
 
 
@@ -119,8 +123,8 @@ def _analyze(recording: Recording, segment: Segment, run: AnalysisRun) -> tuple[
         "degraded": found.degraded,
         "base_ratio": found.base_ratio.tolist(),
         "joint_ratio": found.joint_ratio.tolist(),
-        "base_bias": base.tolist(),
-        "joint_bias": torque.tolist(),
+        "base_bias": base.tolist() if recording.base_wrench is not None else [None] * len(base),
+        "joint_bias": torque.tolist() if recording.joint_torque is not None else [None] * len(torque),
         "joint_constant": _plain(change.bias),
         **{name: _plain(getattr(change, name)) for name in FRICTION},
     }

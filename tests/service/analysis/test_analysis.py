@@ -256,3 +256,25 @@ def test_recordings_of_ten_samples_a_second(tmp_path: Path) -> None:
     assert [contact.link for contact in found.contacts] == [touch.link for touch in motion.touches]
     assert not warning(found)
     assert any(text.startswith("Samples are 0.1 s apart") for well, text in health(found) if not well)
+
+
+@pytest.mark.parametrize("as_file", [True, False])
+def test_a_recording_without_a_sensor_is_analysed_as_if_the_scene_had_none(
+    tmp_path: Path, as_file: bool
+) -> None:
+    """Places and forces were those of single live estimates, several times too large among them."""
+    path = write_motion(demo(), tmp_path / "whole.parquet", last=4500)
+    table = pa_parquet.read_table(path)
+    pa_parquet.write_table(table.drop_columns([f"base_wrench_{i}" for i in range(6)]), path)
+    torques = Scene(robot="ur5e", base_wrench=None)
+    stated = Scene(robot="ur5e", picks_up=True)
+    found, expected = (analyze(path if as_file else read(path, scene), scene) for scene in (stated, torques))
+    assert len(found.contacts) == len(expected.contacts) >= 2
+    for one, other in zip(found.contacts, expected.contacts, strict=True):
+        assert one.smoothed == other.smoothed
+        assert one.link == other.link
+        assert one.peak_force == pytest.approx(other.peak_force)
+        np.testing.assert_allclose(one.point, other.point)
+    assert found.residuals.free == expected.residuals.free > 0
+    assert found.scene.base_wrench is None
+    assert any("base_wrench is not used" in problem for problem in found.problems)

@@ -1,0 +1,26 @@
+"""The scene of a recording that lacks some of the scene's sensors.
+
+A sensor that is silent throughout would make every estimate `degraded`, nothing could be said of the model,
+and contacts would not be estimated from all of their samples.
+"""
+
+from contactsense.scene import Scene
+from contactsense.service.recordings import Recording, RecordingFile
+
+
+def absent_sensors(recording: Recording | RecordingFile, scene: Scene) -> frozenset[str]:
+    """Fields of the scene's sensors that the recording does not have."""
+    stated = {"joint_torque": scene.joint_torque, "base_wrench": scene.base_wrench, **scene.link_sensors}
+    return frozenset(field for field, sensor in stated.items() if sensor is not None) - recording.sensors
+
+
+def without_sensors(scene: Scene, fields: frozenset[str]) -> Scene:
+    """The scene without these sensors; weights are picked up only where it has all that this needs."""
+    if not fields:
+        return scene
+    changes: dict[str, object] = {
+        field: None for field in ("joint_torque", "base_wrench", "wrist_wrench") if field in fields
+    }
+    left = tuple(s for s in scene.link_wrenches if f"link_wrenches.{s.name}" not in fields)
+    picks_up = scene.picks_up and not fields & {"joint_torque", "base_wrench"}
+    return scene.model_copy(update={**changes, "link_wrenches": left, "picks_up": picks_up})
