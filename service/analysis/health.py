@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from contactsense.scene import Scene
 from contactsense.sensors.timing import LONGEST_FIRST_STEP
 from contactsense.service.analysis.analysis import Analysis
 from contactsense.service.recordings.column_mapping import unit_hint
@@ -28,6 +29,13 @@ def warning(analysis: Analysis) -> str:
     worst = max((float(ratio.max()) for _, _, ratio in _ratios(analysis)), default=0.0)
     if worst > MISLEADING:
         reasons.append(f"residuals without contact are up to {worst:.1f} times their standard deviation")
+    unused = [
+        name
+        for i, (name, in_scene) in enumerate(_in_scene(analysis.scene).items())
+        if in_scene and analysis.residuals.missing[i] == analysis.samples
+    ]
+    if unused and analysis.judged:
+        reasons.append(f"{' and '.join(unused)} could not be used in any sample")
     if not reasons:
         return ""
     return (
@@ -42,17 +50,11 @@ def health(analysis: Analysis) -> list[tuple[bool, str]]:
     found, scene = analysis.residuals, analysis.scene
     findings = [(False, problem) for problem in analysis.problems]
     count = max(analysis.samples, 1)
-    there = {
-        "base_wrench": scene.base_wrench is not None,
-        "joint_torque": scene.joint_torque is not None,
-        **dict.fromkeys(scene.link_sensors, True),
-    }
+    there = _in_scene(scene)
     for i, (name, in_scene) in enumerate(there.items()):
         if in_scene and found.missing[i]:
-            never = found.missing[i] == analysis.samples and "." not in name
-            advice = f" If the arm has no such sensor, write `{name}: null` in the scene." if never else ""
             findings.append(
-                (False, f"{name} was missing in {_share(found.missing[i], count)} of the samples.{advice}")
+                (False, f"{name} was missing in {_share(found.missing[i], count)} of the samples.")
             )
     if found.degraded:
         findings.append(
@@ -90,6 +92,15 @@ def health(analysis: Analysis) -> list[tuple[bool, str]]:
         advice = "" if well else " Calibrate on contact-free motion, or state more noise."
         findings.append((well, f"{name}: residuals without contact in standard deviations: {text}.{advice}"))
     return findings
+
+
+def _in_scene(scene: Scene) -> dict[str, bool]:
+    """Whether the scene has each sensor, in the order of `ResidualSummary.missing`."""
+    return {
+        "base_wrench": scene.base_wrench is not None,
+        "joint_torque": scene.joint_torque is not None,
+        **dict.fromkeys(scene.link_sensors, True),
+    }
 
 
 def _ratios(analysis: Analysis) -> list[tuple[str, tuple[str, ...], np.ndarray]]:

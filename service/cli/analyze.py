@@ -40,7 +40,7 @@ from contactsense.service.recordings.whole_file import write_parquet
     "robot=ROBOT/scene.yaml in a dataset, else the scene that a file carries]",
 )
 @click.option(
-    "--columns", help="Names and units of columns or topics, as q=joint_,time_unit=ms or a YAML file."
+    "--columns", help="Names and units of columns or topics, as q=joint,time_unit=ms or a YAML file."
 )
 @click.option("--out", required=True, type=click.Path(path_type=Path), help="Folder for tables and report.")
 @click.option("--limits", "limits_path", type=click.Path(path_type=Path), help="Your force limits (YAML).")

@@ -38,7 +38,7 @@ _PARTS = ("joint_torque", "base_wrench", "wrist_wrench", "link_wrenches", "mount
     "--report", type=click.Path(path_type=Path), help="Folder for a report with plots (Markdown, PNG)."
 )
 @click.option(
-    "--columns", help="Names and units of columns or topics, as q=joint_,time_unit=ms or a YAML file."
+    "--columns", help="Names and units of columns or topics, as q=joint,time_unit=ms or a YAML file."
 )
 @click.option(
     "--keep-contacts", is_flag=True, help="Use stretches, too, in which something seems to push on the arm."

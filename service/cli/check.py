@@ -48,7 +48,7 @@ _UNITS = {
 @click.argument("scene_file", metavar="SCENE", type=click.Path(path_type=Path))
 @click.argument("recordings", nargs=-1, type=click.Path(path_type=Path))
 @click.option(
-    "--columns", help="Names and units of columns or topics, as q=joint_,time_unit=ms or a YAML file."
+    "--columns", help="Names and units of columns or topics, as q=joint,time_unit=ms or a YAML file."
 )
 @sensor_options("Read this robot's controller instead of RECORDINGS.")
 @click.option(

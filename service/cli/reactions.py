@@ -32,7 +32,7 @@ def reactions() -> None:
     "--replay", type=click.Path(path_type=Path), help="Recording: print when the rules would have fired."
 )
 @click.option(
-    "--columns", help="With --replay: column names and units, as q=joint_,time_unit=ms or a YAML file."
+    "--columns", help="With --replay: column names and units, as q=joint,time_unit=ms or a YAML file."
 )
 @click.option("--json", "as_json", is_flag=True, help="Print as JSON.")
 def check(

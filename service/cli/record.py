@@ -57,7 +57,7 @@ from contactsense.service.viewer.service_calls import LiveError, ServiceCalls
     "--from", "origin", type=click.Path(path_type=Path), help="Convert this recording instead of a live arm."
 )
 @click.option(
-    "--columns", help="With --from: column names and units, as q=joint_,time_unit=ms or a YAML file."
+    "--columns", help="With --from: column names and units, as q=joint,time_unit=ms or a YAML file."
 )
 def record(
     out: Path | None,

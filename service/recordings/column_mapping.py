@@ -90,7 +90,7 @@ class ColumnMapping(BaseModel):
 
     @classmethod
     def parse(cls, text: str | None) -> "ColumnMapping":
-        """Parse the path of a YAML file, or text such as `q=joint_,qd=speed_,time_unit=ms`; None: the
+        """Parse the path of a YAML file, or text such as `q=joint,qd=speed,time_unit=ms`; None: the
         defaults.
 
         Raises:
@@ -112,7 +112,7 @@ class ColumnMapping(BaseModel):
                     fields[group] = value.strip()
         else:
             try:
-                fields = read_fields(text, "the column mapping", "q: joint_")
+                fields = read_fields(text, "the column mapping", "q: joint")
             except ValueError as error:
                 raise MappingError(str(error)) from None
         try:

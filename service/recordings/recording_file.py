@@ -103,6 +103,12 @@ class RecordingFile:
         if mapping.timestamp not in names:
             self._missing("timestamp", mapping.timestamp)
         self._q = self._group("q", mapping.q, n)
+        if f"{mapping.q[0]}_{n}" in names and self._q != list(mapping.q):
+            raise RecordingError(
+                f"{self.name}: q: expected {n} columns, one for each joint of {self._scene.robot.name}, "
+                f"found {mapping.q[0]}_{n} as well; is it another arm? A YAML file for --columns names "
+                "those that are meant: q: [A, B]"
+            )
         self._qd = self._group("qd", mapping.qd, n)
         self._torque_names, self._torque_map = self._torque_plan()
         base = self._scene.base_wrench

@@ -12,8 +12,9 @@ import yaml
 from click.testing import CliRunner
 from scipy.spatial.transform import Rotation
 
-from contactsense import Scene
+from contactsense import Scene, WrenchSensor
 from contactsense.service.analysis import Analysis
+from contactsense.service.analysis import analyze as run_analysis
 from contactsense.service.analysis.contact_summary import millimetres
 from contactsense.service.analysis.health import warning
 from contactsense.service.analysis.residual_statistics import ResidualSummary
@@ -72,6 +73,14 @@ def test_a_sensor_that_the_file_lacks_leaves_the_other_one(tmp_path: Path, missi
     assert "100 %" not in result.output
     assert "No sample" not in result.output
     assert "residuals without contact" in (tmp_path / "out" / "report.md").read_text()
+
+
+def test_a_sensor_that_is_refused_throughout_is_a_warning(tmp_path: Path) -> None:
+    path = write_motion(demo(), tmp_path / "demo.parquet", last=1500)
+    wrong = Scene(robot="ur5e", base_wrench=WrenchSensor(sign="sensor_on_arm"))
+    found = run_analysis(path, wrong)
+    assert "base_wrench could not be used in any sample" in warning(found)
+    assert warning(run_analysis(path, Scene(robot="ur5e"))) == ""
 
 
 def test_one_sample_at_a_unix_time_has_a_report(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """Recordings in every format that is read, and everything that can be wrong with them."""
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -7,12 +8,14 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pa_parquet
 import pytest
+from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from contactsense import JointTorqueSensor, LinkWrenchSensor, Localizer, Sample, Scene, WrenchSensor
 from contactsense.robots.tool import Tool
 from contactsense.runtime.wrench_map import WrenchMap
+from contactsense.service.cli.main import cli
 from contactsense.service.recordings import (
     ColumnMapping,
     MappingError,
@@ -21,7 +24,7 @@ from contactsense.service.recordings import (
     read,
 )
 from contactsense.service.recordings.cleaning import RowChecker
-from contactsense.service.recordings.column_mapping import unit_hint
+from contactsense.service.recordings.column_mapping import expand, unit_hint
 from contactsense.service.recordings.metadata import metadata
 from tests.service.recordings.tables import (
     N,
@@ -160,6 +163,24 @@ def test_infinite_readings_are_missing(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("step", "unit"), [(2.0, "ms"), (2e3, "us"), (2e6, "ns"), (0.2, None)])
 def test_the_unit_that_would_be_plausible_is_proposed(step: float, unit: str | None) -> None:
     assert unit_hint(step, 0.15) == (f"; is another unit meant (--columns time_unit={unit})?" if unit else "")
+
+
+def test_a_recording_of_an_arm_with_more_joints_is_refused(tmp_path: Path) -> None:
+    """The first six of seven joints were taken for those of the arm."""
+    path = as_parquet(tmp_path, columns(actual_q_6=np.zeros(N)))
+    with pytest.raises(RecordingError, match=r"q: expected 6 columns, .* of ur5e, found actual_q_6 as well"):
+        read(path, SCENE)
+    named = ColumnMapping(q=tuple(f"actual_q_{i}" for i in range(6)))
+    assert len(read(path, SCENE, named)) == N
+
+
+@pytest.mark.parametrize("command", ["analyze", "calibrate", "check", "record", "reactions check"])
+def test_the_example_of_the_help_names_columns(command: str) -> None:
+    """It had an underscore at its end, which columns do not have twice."""
+    text = CliRunner().invoke(cli, [*command.split(), "--help"]).output
+    example = re.search(r"as\s+(q=\S+)\s+or\s+a\s+YAML", text)
+    assert example is not None
+    assert expand(ColumnMapping.parse(example[1]).q, 2, ()) == ["joint_0", "joint_1"]
 
 
 def test_semicolons_are_named(tmp_path: Path) -> None:
