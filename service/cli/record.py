@@ -159,6 +159,9 @@ def _state(live: LiveSource, recorder: Recorder) -> str:
 
 
 def _convert(origin: Path, out: Path, scene_path: Path | None, columns: str | None) -> None:
+    if out.exists() and origin.exists() and out.samefile(origin):
+        # The new file has only the columns that were read.
+        raise click.ClickException(f"--out: expected another file than that of --from, got {out}")
     scene = scene_in(origin) if scene_path is None else Scene.load(scene_path)
     # What is written has the sensors' delays, too.
     recording = read(origin, without_delays(scene), ColumnMapping.parse(columns))
