@@ -124,7 +124,7 @@ class RecordingFile:
         if not (self._torque_names or self._base):
             raise RecordingError(
                 f"{self.name}: expected columns of joint torques or of the base sensor, got neither; "
-                f"found {self._found()}"
+                f"found {self._found()}{self._other_signal()}"
             )
         wanted = [mapping.timestamp, *self._q, *self._qd, *self._torque_names, *self._base]
         wanted += [column for link in self._links.values() for column in link.columns]
@@ -151,9 +151,18 @@ class RecordingFile:
             if all(name in names for name in own):  # converted before
                 return own, None
             message = f"no {own[0]} ... nor {columns[0]} ... ({sensor.signal}): joint torques are not used"
+            message += self._other_signal()
             self._absent.append(Problem(0, 0, "missing_sensor", message))
             return [], None
         return columns, source
+
+    def _other_signal(self) -> str:
+        """Advice where the file has another torque signal than the scene states."""
+        sensor = self._scene.joint_torque
+        for signal in ("actual_current_as_torque", "actual_current"):
+            if sensor is not None and signal != sensor.signal and f"{signal}_0" in self._table.names:
+                return f"; for {signal}, the scene needs `joint_torque: {{signal: {signal}}}`"
+        return ""
 
     def _columns_of(self, field_name: str, source: TorqueMap) -> list[str]:
         width = self._joints if len(source.fields) == 1 else 1

@@ -165,6 +165,19 @@ def test_the_unit_that_would_be_plausible_is_proposed(step: float, unit: str | N
     assert unit_hint(step, 0.15) == (f"; is another unit meant (--columns time_unit={unit})?" if unit else "")
 
 
+def test_another_torque_signal_of_the_file_is_named(tmp_path: Path) -> None:
+    found = {name.replace("joint_torque", "actual_current"): values for name, values in columns().items()}
+    path = as_parquet(tmp_path, found)
+    advice = "for actual_current, the scene needs `joint_torque: {signal: actual_current}`"
+    with pytest.raises(RecordingError) as error:
+        read(path, TORQUES)
+    assert str(error.value).endswith(advice)
+    (problem,) = read(path, SCENE).problems
+    assert problem.message.endswith(f"joint torques are not used; {advice}")
+    currents = Scene(robot="ur10e", base_wrench=None, joint_torque=JointTorqueSensor(signal="actual_current"))
+    assert read(path, currents).joint_torque is not None
+
+
 def test_a_recording_of_an_arm_with_more_joints_is_refused(tmp_path: Path) -> None:
     """The first six of seven joints were taken for those of the arm."""
     path = as_parquet(tmp_path, columns(actual_q_6=np.zeros(N)))
