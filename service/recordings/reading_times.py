@@ -13,6 +13,10 @@ SLOWER = 1.2
 """A sensor whose readings are this many steps of the rows apart is slower than the rows; below that, clocks
 only jitter."""
 
+SHORT = 0.02
+"""Readings that are no further apart follow each other even where the usual step is much shorter: some come
+in bursts [s]."""
+
 
 def readings_at(t: np.ndarray, stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Readings at the times of the rows; NaN where there is none.
@@ -31,7 +35,7 @@ def readings_at(t: np.ndarray, stamps: np.ndarray, values: np.ndarray) -> np.nda
     after = np.searchsorted(stamps, t)
     last = np.minimum(after, len(stamps) - 1)
     exact = stamps[last] == t
-    between = stamps[last] - stamps[np.maximum(after - 1, 0)] <= GAP_STEPS * _step(stamps)
+    between = stamps[last] - stamps[np.maximum(after - 1, 0)] <= max(GAP_STEPS * _step(stamps), SHORT)
     used = exact | (between & (after > 0) & (after < len(stamps)))
     if is_slower(stamps, t):
         used &= _nearest(t, stamps)

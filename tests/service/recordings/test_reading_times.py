@@ -32,6 +32,12 @@ def test_while_a_sensor_is_silent_it_has_no_readings() -> None:
     assert np.isnan(readings_at(T, np.zeros(0), np.zeros((0, 6)))).all()
 
 
+def test_readings_that_come_in_bursts_leave_no_row_without_one() -> None:
+    bursts = np.arange(-0.008, 1.1, 0.008)
+    stamps = (bursts[:, None] + np.arange(8) * 1e-4).ravel()
+    np.testing.assert_allclose(readings_at(T, stamps, _line(stamps)), _line(T), atol=1e-12)
+
+
 @pytest.mark.parametrize("shift", [0.0, 0.0007, -0.0007])
 def test_each_reading_of_a_slower_sensor_is_used_once(shift: float) -> None:
     stamps = T[5::5] + shift
