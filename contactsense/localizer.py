@@ -330,7 +330,10 @@ class Localizer(StaticLocalizer):
 
         Raises:
             ValueError: a field of a block has the wrong shape; the message names it.
+            TypeError: it is a single block.
         """
+        if isinstance(recording, SampleBlock):
+            raise TypeError("recording: expected blocks, as in run_blocks([block]), got a SampleBlock")
         self.reset()
         track = self._buffers.state.track
         if self._block_runner is None:

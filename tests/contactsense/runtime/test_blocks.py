@@ -154,3 +154,9 @@ def test_wrong_shapes_are_named() -> None:
         list(
             Localizer(Scene(robot=plain_ur5e())).run_blocks([SampleBlock(block.t, block.q[:, :5], block.qd)])
         )
+
+
+def test_a_single_block_is_named() -> None:
+    """Its rows were taken for blocks, and the message was about the shape of q."""
+    with pytest.raises(TypeError, match=r"expected blocks, as in run_blocks\(\[block\]\), got a SampleBlock"):
+        list(Localizer(Scene(robot=plain_ur5e())).run_blocks(recording()[:10]))  # type: ignore[arg-type]
