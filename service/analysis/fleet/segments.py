@@ -23,7 +23,7 @@ WARM_UP = 60.0
 """Time before a segment at which reading starts [s]: six times the memory of the bias filter."""
 TAIL = 60.0
 """Time after a segment up to which a contact is followed [s]."""
-SUFFIXES = (".parquet", ".csv", ".csv.gz", ".mcap", ".db3")
+SUFFIXES = (".parquet", ".csv", ".csv.gz", ".mcap", ".db3", ".arrows", ".arrow", ".feather")
 RESULTS = ("contacts", "parts", "robots.parquet", "days.parquet")
 """Tables in the folder of the results."""
 

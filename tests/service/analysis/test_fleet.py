@@ -71,6 +71,22 @@ def test_recordings_and_their_place_in_the_dataset(tmp_path: Path) -> None:
         find_recordings((_empty(tmp_path),))
 
 
+def test_what_a_recorder_that_was_killed_left_is_a_recording(tmp_path: Path, scene: Path) -> None:
+    """It was left out of a dataset without a word."""
+    here = tmp_path / "robot=a" / "date=2026-01-01"
+    here.mkdir(parents=True)
+    table = pa_parquet.read_table(write_motion(demo(), tmp_path / "one.parquet", last=2500))
+    for name in ("samples-1.arrows", "wrench-1.arrows"):
+        with pa.OSFile(str(here / name), "wb") as file, pa.ipc.new_stream(file, table.schema) as stream:
+            stream.write_table(table, max_chunksize=500)
+    whole = (here / "samples-1.arrows").read_bytes()
+    (here / "samples-1.arrows").write_bytes(whole[: len(whole) * 9 // 10])
+    found = analyze_fleet((tmp_path / "robot=a",), scene, tmp_path / "out")
+    assert [robot.recordings for robot in found.robots] == [1]
+    assert found.contacts.num_rows >= 1
+    assert any("cut" in text or "ends" in text for text in found.problems)
+
+
 @pytest.mark.parametrize("out", ["data", "data/results", "data/robot=a"])
 def test_the_results_of_an_earlier_run_are_no_recordings(tmp_path: Path, out: str) -> None:
     data, results = _dataset(tmp_path / "data"), tmp_path / out
