@@ -8,7 +8,7 @@ import subprocess
 from contextlib import suppress
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, ValidationInfo, field_validator
 
 from contactsense.service.reactions.actions.base import ActionError, ExecutedAction
 
@@ -18,9 +18,19 @@ class CommandAction(ExecutedAction):
 
     type: Literal["command"]
     command: Annotated[tuple[str, ...], Field(min_length=1)]
-    """The program and its arguments."""
+    """The program and its arguments; a path of the program is relative to the folder of the rules."""
     timeout: Annotated[float, Field(gt=0.0, le=3600.0)] = 10.0
     """Time after which the program and its children are killed [s]."""
+
+    @field_validator("command")
+    @classmethod
+    def _beside_the_rules(cls, command: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
+        # A name without a folder is looked for on the path. A service that the computer starts works in
+        # another folder than whoever tries the rules.
+        program, folder = command[0], (info.context or {}).get("folder")
+        if folder is None or os.path.dirname(program) == "":
+            return command
+        return (str((folder / program).absolute()), *command[1:])
 
     def perform(self, decision: dict[str, Any], host: str) -> str:
         """Run the program; see `ExecutedAction.perform`."""

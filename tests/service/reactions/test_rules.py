@@ -7,6 +7,7 @@ from click.testing import CliRunner
 
 from contactsense import Scene
 from contactsense.service.cli.reactions import check
+from contactsense.service.reactions.actions.command import CommandAction
 from contactsense.service.reactions.explain import explain, explain_actions
 from contactsense.service.reactions.rules import ReactionRules, RulesError
 from tests.service.reactions.estimates import SCENE
@@ -151,3 +152,23 @@ def test_a_secret_is_beside_its_rules_and_what_is_missing_is_told(
     result = CliRunner().invoke(check, [str(tmp_path / "reactions.yaml")])
     assert result.exit_code == 0
     assert "warning: action note: /absent/program" in result.stderr
+
+
+def test_a_program_that_is_a_path_is_beside_its_rules(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not where the service happens to be started; a name alone is looked for on the path."""
+    (tmp_path / "note.sh").write_text('#!/bin/sh\ncat > "$1"\n')
+    (tmp_path / "note.sh").chmod(0o755)
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    monkeypatch.chdir(elsewhere)
+    command = "{type: command, command: [./note.sh, " + str(tmp_path / "told") + "]}"
+    rules = load(tmp_path, FILE.replace("{type: registers}", command))
+    assert rules.missing == ()
+    action = rules.actions["tell"]
+    assert isinstance(action, CommandAction)
+    assert action.perform({"rule": "arm"}, "") == "exit status 0"
+    assert (tmp_path / "told").read_text() == '{"rule": "arm"}'
+    alone = load(tmp_path, FILE.replace("{type: registers}", "{type: command, command: [sh]}"))
+    assert alone.actions["tell"].describe() == "run sh (at most 10 s)"
