@@ -87,7 +87,7 @@ class Localizer(StaticLocalizer):
         """
         super().__init__(scene, method, progress)
         self._screening = StreamScreening(scene, self._plausible)
-        self._start = StreamStart(scene.bandwidth)
+        self._start = StreamStart(scene.bandwidth, averages=scene.base_wrench is None)
         # For each sample: one look-up instead of two.
         self._fields, self._relevant_flags = self._sample_fields.fields, self._sample_fields.relevant_flags
         self._no_contact = self._estimate_builder.no_contact

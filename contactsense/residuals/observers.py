@@ -69,7 +69,8 @@ def start_steps(observers: Observers, steps: np.ndarray, bandwidth: float) -> tu
 @kernel
 def concatenate_residuals(out: np.ndarray, observers: Observers) -> None:
     """Concatenate the observers' residuals: base wrench in the frame of each body, torque differences,
-    torques, differences of the link sensors, their wrenches."""
+    torques (from `first_torque` on), differences of the link sensors, their wrenches (from
+    `first_link_wrench` on)."""
     index = 0
     for part in (
         observers.base.residual,
@@ -84,3 +85,15 @@ def concatenate_residuals(out: np.ndarray, observers: Observers) -> None:
             for i in range(6):
                 out[index] = parts[s, i]
                 index += 1
+
+
+@kernel
+def first_torque(joints: int) -> int:
+    """Index of the first torque among the concatenated residuals."""
+    return 6 * (joints + 1) + joints
+
+
+@kernel
+def first_link_wrench(joints: int, link_sensors: int) -> int:
+    """Index of the first component of the link sensors' wrenches among the concatenated residuals."""
+    return first_torque(joints) + joints + 6 * link_sensors

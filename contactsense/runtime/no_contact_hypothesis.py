@@ -8,6 +8,7 @@ from contactsense.kinematics.spatial import component_about, dot6
 from contactsense.residuals.bias_filter import update, update_is_due
 from contactsense.residuals.friction_at_rest import TorqueVariance, energy_beyond_static_friction
 from contactsense.residuals.model_correction import apply_correction
+from contactsense.residuals.observers import first_link_wrench, first_torque
 from contactsense.robots.jit.array_views import block, copy
 from contactsense.robots.jit.kernel import inlined_kernel
 from contactsense.runtime.constants import Constants
@@ -53,8 +54,8 @@ def energy_of_ewma(constants: Constants, state: State, has_torque: bool, link_se
     """
     n, variance_ratio, energy = state.torque.shape[0], state.ewma.status[0].variance_ratio, 0.0
     count = state.link_wrench.shape[0]
-    torque = block(state.ewma.mean, 6 * (n + 1) + n, (n,))
-    link_wrench = block(state.ewma.mean, 6 * (n + 1) + 2 * n + 6 * count, (count, 6))
+    torque = block(state.ewma.mean, first_torque(n), (n,))
+    link_wrench = block(state.ewma.mean, first_link_wrench(n, count), (count, 6))
     if has_torque:
         for j in range(n):
             noise = _torque_noise(constants, state, j, variance_ratio)
@@ -77,8 +78,8 @@ def energy_of_change(
     n, count, energy = state.torque.shape[0], state.link_wrench.shape[0], 0.0
     average = state.ewma.status[0]
     variance_ratio += average.variance_ratio - 2.0 * average.residual_covariance
-    torque = block(state.ewma.mean, 6 * (n + 1) + n, (n,))
-    link_wrench = block(state.ewma.mean, 6 * (n + 1) + 2 * n + 6 * count, (count, 6))
+    torque = block(state.ewma.mean, first_torque(n), (n,))
+    link_wrench = block(state.ewma.mean, first_link_wrench(n, count), (count, 6))
     if has_torque:
         for j in range(n):
             noise = constants.sensors.torque_variance[j] * state.noise_scale.noise[TORQUE].scale
@@ -225,6 +226,6 @@ def update_bias_filter(
     )
     for j in range(n):
         change = state.observers.joints.residual[j] - state.torque[j]
-        state.ewma.mean[6 * (n + 1) + n + j] += change
+        state.ewma.mean[first_torque(n) + j] += change
         for k in range(state.friction_at_rest.mean_residual.shape[0]):
             state.friction_at_rest.mean_residual[k, j] += change

@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 
+from contactsense.residuals.residual_ewma import RELATIVE_BANDWIDTH
 from contactsense.residuals.sensor_consistency import AVERAGING_TIME
 from contactsense.sensors.stream_state import (
     ALL_MISSING,
@@ -41,9 +42,17 @@ _UNFIT = TOUCHED | INCONSISTENT
 class StreamStart:
     """Follows the flags of one stream's samples."""
 
-    def __init__(self, bandwidth: float) -> None:
-        """`bandwidth`: cut-off frequency of the observers [Hz]."""
+    def __init__(self, bandwidth: float, averages: bool) -> None:
+        """Begin with the stream.
+
+        Args:
+            bandwidth: Cut-off frequency of the observers [Hz].
+            averages: Whether the average of the residuals is tested, too: it shows later what is there from
+                the start.
+        """
         self._window = SETTLING_PERIODS / bandwidth + _MARGIN
+        if averages:
+            self._window += SETTLING_PERIODS / (RELATIVE_BANDWIDTH * bandwidth)
         self.reset()
 
     def reset(self) -> None:

@@ -23,7 +23,7 @@ import numpy as np
 from contactsense.isolation.link_hypotheses import SensorModel
 from contactsense.kinematics.model import Motion
 from contactsense.kinematics.spatial import dot6
-from contactsense.residuals.observers import Observers, concatenate_residuals
+from contactsense.residuals.observers import Observers, concatenate_residuals, first_torque
 from contactsense.residuals.residual_ewma import ResidualEwma, average_noise
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.declaration import Floats, Records, record
@@ -356,7 +356,7 @@ def _position_distance(track: ContactTrack, i: int, j: int) -> float:
 def _torque_distance(sensors: SensorModel, track: ContactTrack, i: int, j: int) -> float:
     """Distance between the torques of two windows, in the unit of `AGREE`."""
     n = sensors.torque_variance.shape[0]
-    index = 6 * (n + 1) + n
+    index = first_torque(n)
     squared_distance = 0.0
     for k in range(n):
         d = track.mean[i, index + k] - track.mean[j, index + k]
