@@ -12,6 +12,8 @@ from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.inverse_dynamics import inverse_dynamics
 from contactsense.kinematics.model import build_model, empty_motion
 from contactsense.kinematics.momenta import kinematics_and_momenta
+from contactsense.residuals.observers import Observers, first_torque
+from contactsense.residuals.residual_ewma import ResidualEwma
 from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.runtime.constants import build_constants
 from contactsense.tracking.contact_tracker import (
@@ -19,6 +21,8 @@ from contactsense.tracking.contact_tracker import (
     ContactTrack,
     _position_covariance,
     _window_positions,
+    average_windows,
+    choose_window,
 )
 from tests.plain_arm import plain_ur5e
 
@@ -279,3 +283,26 @@ def test_stated_covariance_of_a_position_on_the_tangent_plane() -> None:
     found = np.cov(np.array(positions).T)
     np.testing.assert_allclose(found, [[xx, xy], [xy, yy]], atol=0.03 * np.trace(found))
     assert abs(xy) > 0.2 * np.sqrt(xx * yy)
+
+
+@pytest.mark.parametrize("sustained", [False, True])
+def test_a_sustained_contact_begins_with_the_average_that_showed_it(sustained: bool) -> None:
+    sizes = {"joints": 6, "link_sensors": 0, "links": 7}
+    track, ewma, observers = (zeros(kind, **sizes) for kind in (ContactTrack, ResidualEwma, Observers))
+    observers.joints.residual[:], ewma.mean[:] = 1.0, 2.0
+    status = ewma.status[0]
+    status.samples, status.age, status.variance_ratio, status.residual_covariance = 40.0, 0.1, 0.01, 0.02
+    track.status[0].sustained, track.status[0].last_body = sustained, -1
+    average_windows(track, ewma, observers, 0.06, 2, 0.002, 10.0)
+    motion, scene = empty_motion(6), Scene(robot=ARM, base_wrench=None)
+    assert not choose_window(build_constants(scene).sensors, track, motion, False, 0.002, 10.0)
+    np.testing.assert_array_equal(track.mean[0, first_torque(6) : first_torque(6) + 6], 1.0)
+    if sustained:
+        np.testing.assert_array_equal(track.mean[1:], 2.0)
+        for i in range(1, WINDOWS):
+            found = (track.samples[i], track.age[i], track.variance_ratio[i], track.residual_covariance[i])
+            assert found == (40.0, 0.1, 0.01, 0.02)
+        assert track.status[0].window == 1
+    else:
+        np.testing.assert_array_equal(track.mean[1:], np.tile(track.mean[0], (WINDOWS - 1, 1)))
+        assert track.status[0].window == 0
