@@ -1,11 +1,14 @@
 """Commands of the dashboard server (e-Series and CB3)."""
 
+import re
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from contactsense.service.reactions.actions.base import ActionError, ExecutedAction, Port, connection
 
+_VALUES = ("rule", "level", "link", "force")
+"""What a popup can show of a decision."""
 _REFUSALS = ("could not understand", "failed", "not allowed", "error", "no program")
 
 
@@ -17,6 +20,15 @@ class DashboardAction(ExecutedAction):
     text: Annotated[str, Field(max_length=200, pattern=r"^[^\r\n]*$")] = "{rule}: {force} N on {link}"
     """Text of the popup; {rule}, {level}, {link} and {force} are replaced by their values."""
     port: Port = 29999
+
+    @field_validator("text")
+    @classmethod
+    def _has_known_values(cls, text: str) -> str:
+        for name in re.findall(r"\{([^{}]*)\}", text):
+            if name not in _VALUES:
+                expected = ", ".join(f"{{{value}}}" for value in _VALUES)
+                raise ValueError(f"expected only {expected} in braces, got {{{name}}}")
+        return text
 
     def perform(self, decision: dict[str, Any], host: str) -> str:
         """Send the command; see `ExecutedAction.perform`."""

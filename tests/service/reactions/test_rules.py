@@ -126,6 +126,10 @@ def test_a_missing_file_is_named() -> None:
         ("{type: command, command: []}", "command: expected at least 1, there are 0"),
         ("{type: dashboard, command: unlock protective stop}", "command: expected"),
         ('{type: dashboard, command: popup, text: "a\\nplay"}', "text: expected text that matches"),
+        (
+            "{type: dashboard, command: popup, text: '{force} N at {place}'}",
+            "actions.tell.text: expected only {rule}, {level}, {link}, {force} in braces, got {place}",
+        ),
     ],
 )
 def test_wrong_actions(tmp_path: Path, action: str, complaint: str) -> None:
