@@ -1,7 +1,7 @@
 """Onset and release thresholds of one scene, for the energy of the no-contact hypothesis.
 
-Without a base sensor two tests look for a contact, one of each sample and one of the residuals' EWMA
-(`contactsense.residuals.residual_ewma`): each may give half of the permitted false alarms.
+In a scene without a base sensor two tests look for a contact, one of each sample and one of the residuals'
+EWMA (`contactsense.residuals.residual_ewma`): each may give half of the permitted false alarms.
 """
 
 import math
@@ -29,32 +29,29 @@ def stream_thresholds(scene: Scene) -> np.ndarray:
     """Onset and release thresholds for a stream of `scene`.
 
     Returns:
-        Onset and release threshold, and onset threshold of the EWMA (infinite with a base sensor), for each
-        set of sensors, see `sensor_set`, and each usual sample time of 1, 2, ... ms; shape (4 (S + 1),
+        Onset and release threshold, and onset threshold of the EWMA (infinite where it is not tested), for
+        each set of sensors, see `sensor_set`, and each usual sample time of 1, 2, ... ms; shape (4 (S + 1),
         LONGEST_STEP_MS, 3).
     """
     joints = len(scene.robot.joints)
     thresholds = np.zeros((4 * (len(scene.link_sensors) + 1), LONGEST_STEP_MS, 3))
-    cached: dict[tuple[int, bool], np.ndarray] = {}
+    cached: dict[int, np.ndarray] = {}
     for i in range(len(thresholds)):
         # Link sensors are alike: only their number counts.
-        has_base = i & 1 != 0
-        used = (has_base, i & 2 != 0, (1 << i // 4) - 1)
+        used = (i & 1 != 0, i & 2 != 0, (1 << i // 4) - 1)
         degrees_of_freedom = degrees_of_freedom_of(joints, used)
-        if (degrees_of_freedom, has_base) not in cached:
-            cached[degrees_of_freedom, has_base] = np.array(
-                [_thresholds(scene, degrees_of_freedom, has_base, step) for step in range(LONGEST_STEP_MS)]
+        if degrees_of_freedom not in cached:
+            cached[degrees_of_freedom] = np.array(
+                [_thresholds(scene, degrees_of_freedom, step) for step in range(LONGEST_STEP_MS)]
             )
-        thresholds[i] = cached[degrees_of_freedom, has_base]
+        thresholds[i] = cached[degrees_of_freedom]
     return thresholds
 
 
-def _thresholds(
-    scene: Scene, degrees_of_freedom: int, has_base: bool, step: int
-) -> tuple[float, float, float]:
+def _thresholds(scene: Scene, degrees_of_freedom: int, step: int) -> tuple[float, float, float]:
     """One entry of `stream_thresholds`, for sample times of `step` + 1 ms."""
     release, dt = release_threshold(degrees_of_freedom), 1e-3 * (step + 1)
-    if has_base:
+    if scene.base_wrench is not None:
         onset = onset_threshold(scene.false_alarms_per_hour, degrees_of_freedom, scene.bandwidth, dt)
         return onset, release, math.inf
     onset, average = (

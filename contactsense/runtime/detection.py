@@ -1,5 +1,6 @@
 """Whether a contact is present in the newest sample, and what follows from it for filter and monitor."""
 
+import math
 from typing import NamedTuple
 
 from contactsense.detection.thresholds import sensor_set, threshold_index
@@ -69,9 +70,7 @@ def decide(constants: Constants, state: State, bandwidth: float) -> Decision:
     used = sensor_set(has_base, has_torque, link_sensors)
     thresholds = constants.thresholds[used, threshold_index(stream.clock[0].usual_step)]
     ewma_energy = 0.0
-    if has_base:
-        restart_ewma(state.ewma)
-    else:
+    if thresholds[2] < math.inf:
         update_ewma(
             state.ewma, state.observers, variance_ratio, usable_sensors_code(stream), stream.clock[0].step,
             bandwidth,

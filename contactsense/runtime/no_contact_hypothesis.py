@@ -47,7 +47,7 @@ def energy_without_contact(
 
 @inlined_kernel
 def energy_of_ewma(constants: Constants, state: State, has_torque: bool, link_sensors: int) -> float:
-    """Energy of the no-contact hypothesis from the average of the residuals, without a base sensor.
+    """Energy of the no-contact hypothesis from the average of the residuals, where it is tested.
 
     Model errors count as for a single residual, as they last as long as the average does. Arguments as for
     `energy_without_contact`.

@@ -48,7 +48,7 @@ class State(NamedTuple):
     """The newest answer of a kernel that Python calls for one sample."""
     observers: Observers
     ewma: ResidualEwma
-    """Average of the residuals of a stream without a base sensor."""
+    """Average of the residuals in a scene without a base sensor."""
     track: ContactTrack
     """The current contact."""
     stream: StreamState

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi, chi2
 
-from contactsense import LinkWrenchSensor, Scene
+from contactsense import LinkWrenchSensor, Scene, WrenchSensor
 from contactsense.detection.detectable_force import detectable_force
 from contactsense.detection.false_alarm_rate import (
     false_alarms_per_hour,
@@ -128,17 +128,19 @@ def test_noise_alone_exceeds_the_release_threshold_in_one_sample_of_a_hundred() 
     assert np.mean(0.5 * squares > release_threshold(12)) == pytest.approx(0.01, rel=0.05)
 
 
-def test_each_link_sensor_adds_six_residuals() -> None:
+@pytest.mark.parametrize("has_base", [False, True])
+def test_each_link_sensor_adds_six_residuals(has_base: bool) -> None:
     assert degrees_of_freedom_of(7, (True, True, 0b1011)) == 6 + 7 + 18
     assert degrees_of_freedom_of(7, (False, True, 0)) == 7
     sensors = tuple(LinkWrenchSensor(name=name, link=name) for name in ("forearm", "wrist_1"))
-    scene = Scene(robot="ur5e", link_wrenches=sensors)
+    base = WrenchSensor() if has_base else None
+    scene = Scene(robot="ur5e", base_wrench=base, link_wrenches=sensors)
     table = stream_thresholds(scene)
     for used in itertools.product((False, True), (False, True), (0b00, 0b10, 0b11)):
         degrees = degrees_of_freedom_of(6, used)
         row = table[sensor_set(*used), threshold_index(0.004)]
         per_hour, average = scene.false_alarms_per_hour, np.inf
-        if not used[0]:
+        if not has_base:
             # Two tests look for a contact, each with half of the false alarms.
             per_hour /= 2.0
             average = onset_threshold(per_hour, degrees, RELATIVE_BANDWIDTH * scene.bandwidth, 0.004)
