@@ -3,6 +3,7 @@
 import numpy as np
 
 from contactsense.residuals.equations_of_motion import wrench_difference
+from contactsense.residuals.observers import first_link_wrench, first_torque
 from contactsense.residuals.sensor_consistency import NO_CONTACT
 from contactsense.robots.jit.array_views import block
 from contactsense.robots.jit.kernel import inlined_kernel, kernel
@@ -90,10 +91,8 @@ def _use_window_mean(state: State, window: int) -> None:
     """Replace the observers' residuals by a window's mean."""
     n, link_sensors = state.torque.shape[0], state.link_wrench.shape[0]
     mean = state.track.mean[window]
-    a = 6 * (n + 1)
-    b = a + n
-    c = b + n
-    d = c + 6 * link_sensors
+    b, d = first_torque(n), first_link_wrench(n, link_sensors)
+    a, c = b - n, b + n
     difference, residual = block(mean, c, (link_sensors, 6)), block(mean, d, (link_sensors, 6))
     set_external(state, mean[:a], mean[a:b], mean[b:c], difference, residual)
 

@@ -3,6 +3,8 @@ and masses while it holds."""
 
 import math
 
+import numpy as np
+
 from contactsense.kinematics.linalg.ldl import half_squared_norm, invert_spd
 from contactsense.kinematics.spatial import component_about, dot6
 from contactsense.residuals.bias_filter import update, update_is_due
@@ -31,41 +33,42 @@ def energy_without_contact(
     Arguments as for `contactsense.runtime.explanation.explain_sample`.
     """
     _fill_covariances(constants, state, variance_ratio)
-    energy = 0.0
-    if has_torque:
-        for j in range(state.torque.shape[0]):
-            energy += 0.5 * state.torque[j] ** 2 / state.torque_variance[j]
+    energy = _energy_of(state, state.torque, state.link_wrench, has_torque, link_sensors)
     if has_base:
         energy += half_squared_norm(state.base_covariance, state.base_wrench) / variance_ratio
-    for s in range(state.link_wrench.shape[0]):
-        if link_sensors >> s & 1:
-            for i in range(6):
-                component = dot6(component_about(state.link_origin[s], i), state.link_wrench[s])
-                energy += 0.5 * component**2 / state.link_variance[s, i]
-    return energy
+    return float(energy)
 
 
 @inlined_kernel
 def energy_of_ewma(constants: Constants, state: State, has_torque: bool, link_sensors: int) -> float:
-    """Energy of the no-contact hypothesis from the average of the residuals, where it is tested.
+    """Energy of the no-contact hypothesis from the average of the residuals, where it is tested. It fills the
+    covariances of `energy_without_contact`, which comes after it.
 
     Model errors count as for a single residual, as they last as long as the average does. Arguments as for
     `energy_without_contact`.
     """
-    n, variance_ratio, energy = state.torque.shape[0], state.ewma.status[0].variance_ratio, 0.0
-    count = state.link_wrench.shape[0]
+    n, count = state.torque.shape[0], state.link_wrench.shape[0]
+    _fill_covariances(constants, state, state.ewma.status[0].variance_ratio)
     torque = block(state.ewma.mean, first_torque(n), (n,))
     link_wrench = block(state.ewma.mean, first_link_wrench(n, count), (count, 6))
+    return float(_energy_of(state, torque, link_wrench, has_torque, link_sensors))
+
+
+@inlined_kernel
+def _energy_of(
+    state: State, torque: np.ndarray, link_wrench: np.ndarray, has_torque: bool, link_sensors: int
+) -> float:
+    """Half the squared residuals of joint torques, shape (n,) [Nm], and link sensors, shape (S, 6) [N, Nm],
+    in units of the variances in `state`."""
+    energy = 0.0
     if has_torque:
-        for j in range(n):
-            noise = _torque_noise(constants, state, j, variance_ratio)
-            energy += 0.5 * torque[j] ** 2 / (noise + state.bias_filter.torque_variance[j])
-    for s in range(count):
+        for j in range(torque.shape[0]):
+            energy += 0.5 * torque[j] ** 2 / state.torque_variance[j]
+    for s in range(link_wrench.shape[0]):
         if link_sensors >> s & 1:
             for i in range(6):
                 component = dot6(component_about(state.link_origin[s], i), link_wrench[s])
-                noise = constants.sensors.link_variance[s, i // 3] * variance_ratio
-                energy += 0.5 * component**2 / (noise + state.link_mass_variance[s, i])
+                energy += 0.5 * component**2 / state.link_variance[s, i]
     return energy
 
 
