@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from contactsense.scene import Scene
 from contactsense.sensors.timing import LONGEST_FIRST_STEP
 from contactsense.service.analysis.analysis import Analysis
+from contactsense.service.analysis.present_sensors import in_scene
 from contactsense.service.recordings.column_mapping import unit_hint
 
 TOO_LARGE = 1.3
@@ -31,8 +31,8 @@ def warning(analysis: Analysis) -> str:
         reasons.append(f"residuals without contact are up to {worst:.1f} times their standard deviation")
     unused = [
         name
-        for i, (name, in_scene) in enumerate(_in_scene(analysis.scene).items())
-        if in_scene and analysis.residuals.missing[i] == analysis.samples
+        for i, (name, there) in enumerate(in_scene(analysis.scene).items())
+        if there and analysis.residuals.missing[i] == analysis.samples
     ]
     if unused and analysis.judged:
         reasons.append(f"{' and '.join(unused)} could not be used in any sample")
@@ -50,9 +50,8 @@ def health(analysis: Analysis) -> list[tuple[bool, str]]:
     found, scene = analysis.residuals, analysis.scene
     findings = [(False, problem) for problem in analysis.problems]
     count = max(analysis.samples, 1)
-    there = _in_scene(scene)
-    for i, (name, in_scene) in enumerate(there.items()):
-        if in_scene and found.missing[i]:
+    for i, (name, there) in enumerate(in_scene(scene).items()):
+        if there and found.missing[i]:
             findings.append(
                 (False, f"{name} was missing in {_share(found.missing[i], count)} of the samples.")
             )
@@ -92,15 +91,6 @@ def health(analysis: Analysis) -> list[tuple[bool, str]]:
         advice = "" if well else " Calibrate on contact-free motion, or state more noise."
         findings.append((well, f"{name}: residuals without contact in standard deviations: {text}.{advice}"))
     return findings
-
-
-def _in_scene(scene: Scene) -> dict[str, bool]:
-    """Whether the scene has each sensor, in the order of `ResidualSummary.missing`."""
-    return {
-        "base_wrench": scene.base_wrench is not None,
-        "joint_torque": scene.joint_torque is not None,
-        **dict.fromkeys(scene.link_sensors, True),
-    }
 
 
 def _ratios(analysis: Analysis) -> list[tuple[str, tuple[str, ...], np.ndarray]]:

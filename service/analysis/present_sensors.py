@@ -8,10 +8,19 @@ from contactsense.scene import Scene
 from contactsense.service.recordings import Recording, RecordingFile
 
 
+def in_scene(scene: Scene) -> dict[str, bool]:
+    """Field of each sensor, in the order of `contactsense.sensors.sample_fields.SampleFields.names`, and
+    whether the scene has it."""
+    return {
+        "base_wrench": scene.base_wrench is not None,
+        "joint_torque": scene.joint_torque is not None,
+        **dict.fromkeys(scene.link_sensors, True),
+    }
+
+
 def absent_sensors(recording: Recording | RecordingFile, scene: Scene) -> frozenset[str]:
     """Fields of the scene's sensors that the recording does not have."""
-    stated = {"joint_torque": scene.joint_torque, "base_wrench": scene.base_wrench, **scene.link_sensors}
-    return frozenset(field for field, sensor in stated.items() if sensor is not None) - recording.sensors
+    return frozenset(field for field, there in in_scene(scene).items() if there) - recording.sensors
 
 
 def without_sensors(scene: Scene, fields: frozenset[str]) -> Scene:
