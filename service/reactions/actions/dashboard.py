@@ -9,6 +9,7 @@ from contactsense.service.reactions.actions.base import ActionError, ExecutedAct
 
 _VALUES = ("rule", "level", "link", "force")
 """What a popup can show of a decision."""
+_IN_BRACES = r"\{([^{}]*)\}"
 _REFUSALS = ("could not understand", "failed", "not allowed", "error", "no program")
 
 
@@ -24,7 +25,7 @@ class DashboardAction(ExecutedAction):
     @field_validator("text")
     @classmethod
     def _has_known_values(cls, text: str) -> str:
-        for name in re.findall(r"\{([^{}]*)\}", text):
+        for name in re.findall(_IN_BRACES, text):
             if name not in _VALUES:
                 expected = ", ".join(f"{{{value}}}" for value in _VALUES)
                 raise ValueError(f"expected only {expected} in braces, got {{{name}}}")
@@ -34,10 +35,9 @@ class DashboardAction(ExecutedAction):
         """Send the command; see `ExecutedAction.perform`."""
         line: str = self.command
         if line == "popup":
-            filled = self.text
-            for name in ("rule", "level", "link"):
-                filled = filled.replace(f"{{{name}}}", str(decision[name]))
-            filled = filled.replace("{force}", format(decision["force"], ".0f"))
+            shown = {name: str(decision[name]) for name in _VALUES}
+            shown["force"] = format(decision["force"], ".0f")
+            filled = re.sub(_IN_BRACES, lambda found: shown[found[1]], self.text)
             # A name with a line break, as YAML's block texts have, would end the command and begin another.
             line = f"popup {' '.join(filled.split())}"
         with connection(host, self.port, self.timeout) as robot, robot.makefile("rb") as answers:
