@@ -1,0 +1,146 @@
+"""Names, units and meanings of the columns of a recording."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pa_parquet
+import pytest
+from click.testing import CliRunner
+
+from contactsense import JointTorqueSensor, LinkWrenchSensor, Scene, WrenchSensor
+from contactsense.robots.tool import Tool
+from contactsense.service.cli.main import cli
+from contactsense.service.recordings import (
+    ColumnMapping,
+    MappingError,
+    RecordingError,
+    read,
+)
+from contactsense.service.recordings.column_mapping import expand, unit_hint
+from tests.service.recordings.tables import (
+    N,
+    as_parquet,
+    columns,
+    table,
+    text,
+)
+
+SCENE = Scene(
+    robot="ur5e",
+    base_wrench=WrenchSensor(rpy=(0.1, 0.2, 0.3), translation=(0.0, 0.0, -0.05), sign="sensor_on_arm"),
+)
+TORQUES = Scene(robot="ur5e", base_wrench=None)
+
+
+def test_a_file_without_a_time_that_is_a_number_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(text(columns(), "\t").replace(".", ","))
+    with pytest.raises(
+        RecordingError, match=r"got none: rows 0 to 49: timestamp: expected numbers, got '100,0"
+    ):
+        read(tmp_path / "a.csv", SCENE)
+
+
+def test_columns_that_are_no_numbers_are_named(tmp_path: Path) -> None:
+    whole = pa.table(columns())
+    whole = whole.set_column(0, "timestamp", whole["timestamp"].cast(pa.string()))
+    pa_parquet.write_table(whole, tmp_path / "a.parquet")
+    with pytest.raises(RecordingError, match=r"without numbers: timestamp; --columns timestamp=NAME"):
+        read(tmp_path / "a.parquet", SCENE)
+
+
+@pytest.mark.parametrize(("step", "unit"), [(2.0, "ms"), (2e3, "us"), (2e6, "ns"), (0.2, None)])
+def test_the_unit_that_would_be_plausible_is_proposed(step: float, unit: str | None) -> None:
+    assert unit_hint(step, 0.15) == (f"; is another unit meant (--columns time_unit={unit})?" if unit else "")
+
+
+def test_another_torque_signal_of_the_file_is_named(tmp_path: Path) -> None:
+    found = {name.replace("joint_torque", "actual_current"): values for name, values in columns().items()}
+    path = as_parquet(tmp_path, found)
+    advice = "for actual_current, the scene needs `joint_torque: {signal: actual_current}`"
+    with pytest.raises(RecordingError) as error:
+        read(path, TORQUES)
+    assert str(error.value).endswith(advice)
+    (problem,) = read(path, SCENE).problems
+    assert problem.message.endswith(f"joint torques are not used; {advice}")
+    currents = Scene(robot="ur10e", base_wrench=None, joint_torque=JointTorqueSensor(signal="actual_current"))
+    assert read(path, currents).joint_torque is not None
+
+
+def test_a_recording_of_an_arm_with_more_joints_is_refused(tmp_path: Path) -> None:
+    """The first six of seven joints were taken for those of the arm."""
+    path = as_parquet(tmp_path, columns(actual_q_6=np.zeros(N)))
+    with pytest.raises(RecordingError, match=r"q: expected 6 columns, .* of ur5e, found actual_q_6 as well"):
+        read(path, SCENE)
+    named = ColumnMapping(q=tuple(f"actual_q_{i}" for i in range(6)))
+    assert len(read(path, SCENE, named)) == N
+
+
+@pytest.mark.parametrize("command", ["analyze", "calibrate", "check", "record", "reactions check"])
+def test_the_example_of_the_help_names_columns(command: str) -> None:
+    """It had an underscore at its end, which columns do not have twice."""
+    text = CliRunner().invoke(cli, [*command.split(), "--help"]).output
+    example = re.search(r"as\s+(q=\S+)\s+or\s+a\s+YAML", text)
+    assert example is not None
+    assert expand(ColumnMapping.parse(example[1]).q, 2, ()) == ["joint_0", "joint_1"]
+
+
+def test_other_names_and_units(tmp_path: Path) -> None:
+    found = columns()
+    renamed = {"time": found["timestamp"] * 1e3}
+    renamed |= {f"pos{i}": np.degrees(found[f"actual_q_{i}"]) for i in range(6)}
+    renamed |= {f"v_{i}": np.degrees(found[f"actual_qd_{i}"]) for i in range(6)}
+    renamed |= {f"tau_{i}": found[f"joint_torque_{i}"] for i in range(6)}
+    path = as_parquet(tmp_path, renamed)
+    (tmp_path / "m.yaml").write_text(
+        "timestamp: time\ntime_unit: ms\nangle_unit: deg\nq: [pos0, pos1, pos2, pos3, pos4, pos5]\n"
+        "qd: v\njoint_torque: tau\n"
+    )
+    recording = read(path, TORQUES, str(tmp_path / "m.yaml"))
+    np.testing.assert_allclose(recording.t, found["timestamp"])
+    np.testing.assert_allclose(recording.q, table(found, "actual_q"))
+    with pytest.raises(RecordingError, match=r"timestamp: expected a column timestamp, found time, pos0"):
+        read(path, TORQUES)
+    with pytest.raises(MappingError, match="speed"):
+        ColumnMapping.parse("speed=v")
+    with pytest.raises(MappingError, match="time_unit"):
+        ColumnMapping.parse("time_unit=h")
+
+
+def test_sensors_that_the_file_lacks_are_named(tmp_path: Path) -> None:
+    found = {name: values for name, values in columns().items() if not name.startswith("base_wrench")}
+    recording = read(as_parquet(tmp_path, found), SCENE)
+    assert recording.base_wrench is None
+    assert [problem.kind for problem in recording.problems] == ["missing_sensor"]
+    only_motion = {name: v for name, v in found.items() if not name.startswith("joint_torque")}
+    with pytest.raises(RecordingError, match="got neither"):
+        read(as_parquet(tmp_path, only_motion), SCENE)
+
+
+@pytest.mark.parametrize("field", ["base_wrench", "wrist_wrench", "link_wrenches.elbow"])
+def test_columns_of_a_sensor_that_are_named_must_be_there(tmp_path: Path, field: str) -> None:
+    """Without the sensor the contacts would be others: a typing error must not leave it out."""
+    elbow = LinkWrenchSensor(name="elbow", link="forearm")
+    tool = Tool(mass=1.0)
+    scene = Scene(robot="ur5e", tool=tool, wrist_wrench=WrenchSensor(), link_wrenches=(elbow,))
+    path = as_parquet(tmp_path, columns())
+    assert read(path, scene).base_wrench is not None
+    message = (
+        rf"{field}: expected a column ft_0, found timestamp.* one column for each value: {field}: \[A, B\]"
+    )
+    with pytest.raises(RecordingError, match=message):
+        read(path, scene, f"{field}=ft")
+
+
+def test_currents_become_torques(tmp_path: Path) -> None:
+    found = columns()
+    currents = {name.replace("joint_torque", "actual_current"): v for name, v in found.items()}
+    scene = Scene(
+        robot="ur5e",
+        base_wrench=None,
+        joint_torque=JointTorqueSensor(signal="actual_current", torque_constants=(1, 2, 3, 4, 5, 6)),
+    )
+    recording = read(as_parquet(tmp_path, currents), scene)
+    expected = table(found, "joint_torque") * np.arange(1, 7)
+    np.testing.assert_allclose(recording.joint_torque, expected)
