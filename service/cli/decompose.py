@@ -193,10 +193,16 @@ def _fit(task: "tuple[Robot, dict[str, trimesh.Trimesh], int, Options]") -> "tup
 def _report(best: "dict[str, Fit]") -> None:
     from contactsense.robots.decomposition.surface_error import HEADINGS, row, together
 
-    table = Table(box=box.SIMPLE_HEAD)
+    table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
     for heading in ("link", "primitives", *HEADINGS):
         left = heading == "link"
-        table.add_column(heading, justify="left" if left else "right", no_wrap=True, overflow="fold")
+        table.add_column(
+            # In two lines, so that the table fits into 80 columns.
+            heading.replace(" p50", "\np50"),
+            justify="left" if left else "right",
+            no_wrap=True,
+            overflow="fold",
+        )
     for name, fit in best.items():
         table.add_row(name, str(len(fit.bodies.kind)), *row(fit.errors))
     count = sum(len(fit.bodies.kind) for fit in best.values())
