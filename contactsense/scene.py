@@ -127,14 +127,13 @@ class Scene(FileModel):
     link_wrenches: Annotated[tuple[LinkWrenchSensor, ...], Field(max_length=MAX_LINK_WRENCHES)] = ()
     """Further force/torque sensors between links of the arm, such as one below the forearm, at most 8."""
     touchable: tuple[str, ...] | None = None
-    """Names of the links on which contacts are searched; None: all. A touch on another link is
-    explained by none of these, and is as probable as one on the searched links; a link that cannot be touched
-    has the weight 0 in `link_prior` instead."""
+    """Names of the links on which contacts are searched; None: all. A touch on another link remains possible
+    and is reported as "none of these". Give a link that cannot be touched the weight 0 in `link_prior`."""
     link_prior: LinkPrior | dict[str, NonNegativeFloat] = "area"
     """How probable a contact on each link is before any measurement. `area`: in proportion to its surface;
     `equal`: the same for each link; or weights of all touchable links by name, such as how often each is
-    touched. On a link, all places are equally probable. A tool counts as a link, a pedestal as part of the
-    base link; a link of weight 0 cannot be touched."""
+    touched. A link of weight 0 cannot be touched. On a link, all places are equally probable. A tool counts
+    as a link, a pedestal as part of the base link."""
     detail: Literal["coarse", "fine", "skin"] = "fine"
     """Level of detail of the surface. `coarse`: one or two bodies per link; `fine`: the fitted union of
     primitives; `skin`: the same, then the contact is moved onto the links' meshes."""

@@ -8,18 +8,19 @@ from contactsense.service.scene.fields import TABLES, describe_fields
 
 _BEGINNING = (
     "# The scene file",
-    "A scene describes one arm in its cell. `contactsense scene new scene.yaml` asks for what is needed and "
-    "writes such a file; `contactsense scene show scene.yaml` prints what was understood, and with "
-    "`--picture scene.png` draws it. In Python the same fields are arguments: "
-    '`Scene(robot="ur5e", mounting="ceiling")`. [cell.md](cell.md) explains mounting, frames and torque '
-    "signals.",
+    "All fields of a scene, with a complete example: for everyone who describes a cell. A scene describes "
+    "one arm in its cell; [cell.md](cell.md) explains mounting, frames and torque signals.",
+    "`contactsense scene new scene.yaml` asks for what is needed and writes such a file. `contactsense "
+    "scene show scene.yaml` prints what was understood, and with `--picture scene.png` draws it. In "
+    'Python the same fields are arguments: `Scene(robot="ur5e", mounting="ceiling")`.',
     "This page is made from the code: `python -m contactsense.service.scene.page > docs/scene.md`.",
     "## A complete example",
-    "A UR10e on a pedestal that is tilted by 30 degrees; a force/torque sensor below the base, turned by 45 "
-    "degrees, whose readings are the push of the sensor on the arm, with an adapter plate on it; a "
-    "gripper; a table; joint torques from motor currents. The numbers of sensor, friction, gripper and "
-    "bodies are examples: replace them by yours. `contactsense decompose` makes the primitives of tool and "
-    "bodies from meshes ([geometry.md](geometry.md#make-the-surface-of-a-tool-or-a-body)).",
+    "A UR10e with a gripper stands beside a table, on a pedestal that is tilted by 30 degrees. The "
+    "force/torque sensor below its base is turned by 45 degrees, reads the push of the sensor on the arm, "
+    "and carries an adapter plate. Joint torques come from motor currents. The numbers of sensor, "
+    "friction, gripper and bodies are examples: replace them by yours. `contactsense decompose` makes the "
+    "primitives of tool and bodies from meshes "
+    "([geometry.md](geometry.md#make-the-surface-of-a-tool-or-a-body)).",
     f"```yaml\n{commented_yaml(EXAMPLE)}```",
     "## All fields",
     "Fields without default are required. Three numbers are x, y, z; angles are roll, pitch, yaw about fixed "
