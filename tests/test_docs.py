@@ -14,6 +14,7 @@ from contactsense.scene import Scene
 from contactsense.sensors.settings import Friction, JointTorqueSensor, LinkInertia, WrenchSensor
 from contactsense.service.cli.main import cli
 from contactsense.service.scene.page import scene_page
+from contactsense.service.scene.summary import scene_warnings
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted(
@@ -120,6 +121,7 @@ def test_the_scene_of_a_cell_loads(tmp_path: Path) -> None:
     scene = Scene.load(path)
     assert scene.link_names[-1] == "gripper"
     assert scene.orientation.magnitude() == pytest.approx(yaml.safe_load(example[1])["mounting"][1])
+    assert not scene_warnings(scene)
 
 
 @pytest.mark.parametrize("model", [Scene, WrenchSensor, JointTorqueSensor, Friction, Tool, LinkInertia])
