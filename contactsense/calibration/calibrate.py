@@ -290,7 +290,7 @@ def _noise(
                     r, s.qd[rows], friction(arm, s)[rows], timing_variance[rows], inertia_torque[rows]
                 )
             )
-        noise_levels = estimate_noise(residuals, dt, variance_ratio)
+        noise_levels = estimate_noise(residuals, dt, variance_ratio, bandwidth)
     wrenches = {}
     for number, field in enumerate(("base_wrench", *arm.scene.link_sensors)):
         first = joints + 6 * number

@@ -6,17 +6,21 @@ friction has hysteresis. What a factor on friction explains of a recording is no
 estimates that factor. Nor is what a stream states for the instants of its samples. Tails are included: each
 standard deviation is at least such that one residual in a thousand exceeds 3.29 of them, as for a Gaussian.
 Of the errors for which this holds, those in proportion to the inertia torque and those that are not, the most
-likely pair is taken.
+likely pair is taken. How much less the average of the residuals contains of all of them is estimated in the
+same way (`contactsense.residuals.residual_ewma`).
 """
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
+from scipy.signal import lfilter
 
 from contactsense.calibration.robust_least_squares import MAD_SCALE
+from contactsense.residuals.residual_ewma import RELATIVE_BANDWIDTH
 
 _AVERAGING_TIME = 0.5
 """Averages over this time contain only the slow part [s]."""
@@ -27,6 +31,8 @@ _REST_VELOCITIES = (0.01, 0.02, 0.05, 0.1, 0.2)
 _INERTIA_TORQUE_ERRORS = (0.0, *(float(e) for e in np.round(np.geomspace(0.01, 0.3, 18), 4)))
 """Candidates for the relative error of the inertia torque. A larger one would be a wrong model rather than an
 uncertain one."""
+_LEAST_VARIANCE = 1e-12
+"""A model whose error has a smaller variance counts as perfect [Nm^2]."""
 _MIN_TAIL_SAMPLES = 200
 """With fewer samples no tail is evaluated."""
 _FRICTION_VARIATION = 0.1
@@ -67,6 +73,16 @@ class NoiseLevels:
     never at rest."""
     rest_velocity: float
     """Velocity below which `rest_error` applies [rad/s]."""
+    average_error: np.ndarray
+    """Standard deviation of the model errors in the average of the residuals, relative to that in a sample,
+    shape (n,)."""
+
+    def model_variance(self, speed: np.ndarray, inertia_torque: np.ndarray) -> np.ndarray:
+        """Variance of the model error in samples with these speeds [rad/s] and squares of the inertia torque
+        [Nm^2], shape (N, n) [Nm^2]."""
+        at_rest = np.nan_to_num(self.rest_error) ** 2 / (1.0 + (speed / self.rest_velocity) ** 2) ** 2
+        variance: np.ndarray = self.model_error**2 + self.inertia_torque_error**2 * inertia_torque + at_rest
+        return variance
 
 
 class _Samples(NamedTuple):
@@ -96,13 +112,16 @@ class _Samples(NamedTuple):
         )
 
 
-def estimate_noise(recordings: Sequence[JointResiduals], dt: float, variance_ratio: float) -> NoiseLevels:
+def estimate_noise(
+    recordings: Sequence[JointResiduals], dt: float, variance_ratio: float, bandwidth: float
+) -> NoiseLevels:
     """Noise and model error of the joints, from one or more recordings.
 
     Args:
         recordings: Residuals of each recording.
         dt: Sample time [s].
         variance_ratio: Variance of the residual over that of white noise in one sample.
+        bandwidth: Cut-off frequency of the residuals [Hz].
     """
     factors = [_factor(part.residual, part.friction) for part in recordings]
     error = _between_recordings(factors)
@@ -123,14 +142,51 @@ def estimate_noise(recordings: Sequence[JointResiduals], dt: float, variance_rat
     def levels(velocity: float) -> NoiseLevels:
         found = [_model_error(samples, speed[:, j], velocity) for j, samples in enumerate(joints)]
         model, inertia, rest = np.array(found).T
-        return NoiseLevels(np.sqrt(noise / variance_ratio), error, model, inertia, rest, velocity)
+        unknown = np.ones(len(model))
+        return NoiseLevels(np.sqrt(noise / variance_ratio), error, model, inertia, rest, velocity, unknown)
 
     def cost(found: NoiseLevels) -> float:
-        at_rest = np.nan_to_num(found.rest_error) ** 2 / (1.0 + (speed / found.rest_velocity) ** 2) ** 2
-        variance = known + found.model_error**2 + found.inertia_torque_error**2 * square + at_rest
-        return _cost(residuals, variance)
+        return _cost(residuals, known + found.model_variance(speed, square))
 
-    return min(map(levels, _REST_VELOCITIES), key=cost)
+    best = min(map(levels, _REST_VELOCITIES), key=cost)
+    averages, ratio = _averages(residual, dt, bandwidth)
+    model = best.model_variance(speed, square)
+    share = _share_in_average(averages, known + (ratio - 1.0) * noise, model, ratio)
+    return replace(best, average_error=np.sqrt(share))
+
+
+def _averages(parts: list[np.ndarray], dt: float, bandwidth: float) -> tuple[np.ndarray, float]:
+    """EWMA of the residuals of all recordings, shape (N, n); and the variance of its noise over that of a
+    residual, which is an Ornstein-Uhlenbeck process."""
+    K = 2.0 * math.pi * bandwidth
+    weight, correlation = -math.expm1(-RELATIVE_BANDWIDTH * K * dt), math.exp(-K * dt)
+    keep = 1.0 - weight
+    # The start of a recording counts as if the first residual had lasted.
+    averages = [
+        lfilter([weight], [1.0, -keep], part, axis=0, zi=keep * part[:1])[0] for part in parts if len(part)
+    ]
+    covariance = weight / (1.0 - keep * correlation)
+    variance = (2.0 * weight * keep * correlation * covariance + weight**2) / (1.0 - keep**2)
+    return np.vstack(averages), variance
+
+
+def _share_in_average(averages: np.ndarray, known: np.ndarray, model: np.ndarray, least: float) -> np.ndarray:
+    """Variance of the model error in the averages over that in a sample, shape (n,): on average, and in the
+    tail. It is above 1 if what counts as noise is not white.
+
+    Args:
+        averages: Of the residuals, shape (N, n) [Nm].
+        known: Their variance from noise and the instants of the samples, shape (N, n) [Nm^2].
+        model: Variance of the model error in a sample, shape (N, n) [Nm^2].
+        least: The same share of white noise: no error of a model averages out better.
+    """
+    if len(averages) < _MIN_TAIL_SAMPLES:
+        return np.ones(averages.shape[1])
+    is_perfect = model.max(axis=0) < _LEAST_VARIANCE
+    model = np.maximum(model, _LEAST_VARIANCE)
+    mean = np.mean(averages**2 - known, axis=0) / np.mean(model, axis=0)
+    tail = np.quantile(((averages / _TAIL_SIGMA) ** 2 - known) / model, _TAIL, axis=0)
+    return np.where(is_perfect, 1.0, np.maximum(np.maximum(mean, tail), least))
 
 
 def _slow(parts: list[np.ndarray], dt: float) -> np.ndarray:

@@ -163,6 +163,7 @@ def _torque(
         "noise": tuple(_round(noise_levels.noise)),
         "model_error": tuple(_round(noise_levels.model_error)),
         "inertia_torque_error": tuple(_round(noise_levels.inertia_torque_error)),
+        "average_error": tuple(_round(noise_levels.average_error)),
     }
     if "gain" in changed:
         joints = arm.scene.robot.joints

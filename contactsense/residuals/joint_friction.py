@@ -45,6 +45,8 @@ class JointTorqueModel(NamedTuple):
     inertia_torque_variance: Annotated[Floats, "joints"]
     """Variance of the model error per square of the inertia torque
     (`contactsense.residuals.inertia_torque`)."""
+    average_variance: Annotated[Floats, "joints"]
+    """Variance of these errors in the average of the residuals over that in a sample."""
     velocity: float
     """Width of Coulomb friction's smooth sign [rad/s]."""
     lubricant_velocity: float
@@ -70,6 +72,7 @@ def joint_torque_model(sensor: JointTorqueSensor, joints: int) -> JointTorqueMod
         rest_variance=per_joint(f.rest_error, joints) ** 2,
         model_variance=per_joint(sensor.model_error, joints) ** 2,
         inertia_torque_variance=per_joint(sensor.inertia_torque_error, joints) ** 2,
+        average_variance=per_joint(sensor.average_error, joints) ** 2,
         velocity=f.velocity,
         lubricant_velocity=f.lubricant_velocity,
         rest_velocity=f.rest_velocity,

@@ -44,11 +44,11 @@ def energy_of_ewma(constants: Constants, state: State, has_torque: bool, link_se
     """Energy of the no-contact hypothesis from the average of the residuals, where it is tested. It fills the
     covariances of `energy_without_contact`, which comes after it.
 
-    Model errors count as for a single residual, as they last as long as the average does. Arguments as for
+    Model errors of the torques count as far as they last as long as the average does. Arguments as for
     `energy_without_contact`.
     """
     n, count = state.torque.shape[0], state.link_wrench.shape[0]
-    _fill_covariances(constants, state, state.ewma.status[0].variance_ratio)
+    _fill_covariances(constants, state, state.ewma.status[0].variance_ratio, True)
     torque = block(state.ewma.mean, first_torque(n), (n,))
     link_wrench = block(state.ewma.mean, first_link_wrench(n, count), (count, 6))
     return float(_energy_of(state, torque, link_wrench, has_torque, link_sensors))
@@ -116,11 +116,14 @@ def update_covariances(constants: Constants, state: State, variance_ratio: float
 
 
 @inlined_kernel
-def _fill_covariances(constants: Constants, state: State, variance_ratio: float) -> None:
+def _fill_covariances(
+    constants: Constants, state: State, variance_ratio: float, of_average: bool = False
+) -> None:
     sensors, bias_filter = constants.sensors, state.bias_filter
     for j in range(state.torque.shape[0]):
+        model_share = constants.torque_model.average_variance[j] if of_average else 1.0
         state.torque_variance[j] = (
-            _torque_noise(constants, state, j, variance_ratio) + bias_filter.torque_variance[j]
+            _torque_noise(constants, state, j, variance_ratio, model_share) + bias_filter.torque_variance[j]
         )
     for s in range(state.link_variance.shape[0]):
         for i in range(6):
@@ -136,16 +139,18 @@ def _fill_covariances(constants: Constants, state: State, variance_ratio: float)
 
 
 @inlined_kernel
-def _torque_noise(constants: Constants, state: State, j: int, variance_ratio: float) -> float:
-    """Variance of the residual of joint j from noise, model error and the instants of the samples [Nm^2]."""
+def _torque_noise(
+    constants: Constants, state: State, j: int, variance_ratio: float, model_share: float = 1.0
+) -> float:
+    """Variance of the residual of joint j from noise, model error and the instants of the samples [Nm^2];
+    `model_share`: factor on that of the model error."""
     noise = constants.sensors.torque_variance[j] * state.noise_scale.noise[TORQUE].scale
     inertia_torque = state.inertia_torque.present[j]
-    return float(
-        noise * variance_ratio
-        + state.unmodelled_std[j] ** 2
-        + state.timing_error.variance[j]
+    model_variance = (
+        state.unmodelled_std[j] ** 2
         + constants.torque_model.inertia_torque_variance[j] * inertia_torque * inertia_torque
     )
+    return float(noise * variance_ratio + state.timing_error.variance[j] + model_share * model_variance)
 
 
 @inlined_kernel

@@ -207,6 +207,10 @@ class JointTorqueSensor(Part):
     """Standard deviation of the inertia torque from the model, relative: an error of the torque in proportion
     to the rate of the joint's momentum, in addition to `model_error`. Without effect on signals that contain
     no inertia."""
+    average_error: Number = 1.0
+    """Standard deviation of these two errors and of friction's `rest_error` in the average of the residuals,
+    by which weak contacts that last are detected, relative to that in a sample: 1 if they last, less if they
+    average out, more if the noise is not white."""
     friction: Friction = Friction()
     """Friction of the drives, unless the signal is free of it."""
     rotor_inertia: tuple[NonNegativeFloat, ...] | None = None

@@ -75,6 +75,8 @@ class ContactStatus:
     """Whether the last sample was above the onset threshold."""
     sustained: bool
     """Whether only the residuals' EWMA shows the contact."""
+    peak_energy: float
+    """Highest energy of the no-contact hypothesis from a single sample of the contact, or of the last one."""
     last_body: int
     """Index of the body of the last estimate; -1: there was none."""
     time_since_end: float

@@ -65,6 +65,20 @@ def test_a_contact_that_becomes_weak_is_found_again(localizer: Localizer) -> Non
     assert not any(row[T > ENDS + 0.4].any() for row in found)
 
 
+def test_what_is_weak_soon_after_a_strong_contact_is_no_contact(localizer: Localizer) -> None:
+    """The arm rings after a knock. Without one before it, the same torque is a contact; sometimes a sample
+    shows it."""
+    knock, found = T < BEGINS + 0.3, []
+    swing = np.where(T < BEGINS + 0.5, -WEAK, 0.0)
+    for seed in range(20):
+        after_knock = touched(localizer, PUSH * np.where(knock, STRONG, swing), seed)
+        alone = touched(localizer, np.where(knock, 0.0, swing), seed)
+        found.append((after_knock[T > BEGINS + 0.4].any(), alone[~knock].any()))
+    ringing, weak = np.mean(found, axis=0)
+    assert ringing < 0.1
+    assert weak > 0.9
+
+
 def test_both_tests_together_give_no_more_false_alarms_than_stated() -> None:
     """400 an hour over an hour; the law for the average is that of a process with one time constant."""
     per_hour, runs = 400.0, 1200
