@@ -46,7 +46,8 @@ class JointTorqueModel(NamedTuple):
     """Variance of the model error per square of the inertia torque
     (`contactsense.residuals.inertia_torque`)."""
     average_variance: Annotated[Floats, "joints"]
-    """Variance of these errors in the average of the residuals over that in a sample."""
+    """Variance of these errors in the average of the residuals over that in a sample
+    (`contactsense.residuals.residual_ewma.share_in_average`)."""
     velocity: float
     """Width of Coulomb friction's smooth sign [rad/s]."""
     lubricant_velocity: float

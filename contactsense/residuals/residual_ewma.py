@@ -15,10 +15,14 @@ from typing import Annotated, NamedTuple
 from contactsense.residuals.observers import Observers, concatenate_residuals
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.declaration import Floats, Records, record
-from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.jit.kernel import inlined_kernel, kernel
 
 RELATIVE_BANDWIDTH = 0.2
 """Cut-off frequency of the average relative to that of the observers."""
+
+
+NOISE_SHARE = RELATIVE_BANDWIDTH / (1.0 + RELATIVE_BANDWIDTH)
+"""Variance of white noise in the average over that in the observers' residuals."""
 
 
 @record
@@ -107,3 +111,18 @@ def average_noise(
         keep * keep * variance + 2.0 * weight * keep * covariance + weight * weight * newest,
         keep * covariance + weight * newest,
     )
+
+
+@inlined_kernel
+def share_in_average(average_share: float, noise_share: float) -> float:
+    """Variance of a model error in an average of residuals over that in a residual.
+
+    Its share in the EWMA has been measured. Shorter averages are between that and a residual; longer ones
+    count as the EWMA.
+
+    Args:
+        average_share: Its share in the EWMA.
+        noise_share: Variance of white noise in this average over that in a residual.
+    """
+    remaining = min(max((noise_share - NOISE_SHARE) / (1.0 - NOISE_SHARE), 0.0), 1.0)
+    return average_share + (1.0 - average_share) * remaining

@@ -11,12 +11,16 @@ from contactsense.residuals.bias_filter import update, update_is_due
 from contactsense.residuals.friction_at_rest import TorqueVariance, energy_beyond_static_friction
 from contactsense.residuals.model_correction import apply_correction
 from contactsense.residuals.observers import first_link_wrench, first_torque
+from contactsense.residuals.residual_ewma import share_in_average
 from contactsense.robots.jit.array_views import block, copy
 from contactsense.robots.jit.kernel import inlined_kernel
 from contactsense.runtime.constants import Constants
 from contactsense.runtime.state import State
 from contactsense.sensors.stream_state import BASE, TORQUE
 from contactsense.tracking.contact_tracker import NONE
+
+MIN_VARIANCE_RATIO = 1e-9
+"""Least variance of the residuals over that of a sample's noise; it is 0 before the first sample."""
 
 
 @inlined_kernel
@@ -48,7 +52,7 @@ def energy_of_ewma(constants: Constants, state: State, has_torque: bool, link_se
     `energy_without_contact`.
     """
     n, count = state.torque.shape[0], state.link_wrench.shape[0]
-    _fill_covariances(constants, state, state.ewma.status[0].variance_ratio, True)
+    _fill_covariances(constants, state, state.ewma.status[0].variance_ratio)
     torque = block(state.ewma.mean, first_torque(n), (n,))
     link_wrench = block(state.ewma.mean, first_link_wrench(n, count), (count, 6))
     return float(_energy_of(state, torque, link_wrench, has_torque, link_sensors))
@@ -116,14 +120,11 @@ def update_covariances(constants: Constants, state: State, variance_ratio: float
 
 
 @inlined_kernel
-def _fill_covariances(
-    constants: Constants, state: State, variance_ratio: float, of_average: bool = False
-) -> None:
+def _fill_covariances(constants: Constants, state: State, variance_ratio: float) -> None:
     sensors, bias_filter = constants.sensors, state.bias_filter
     for j in range(state.torque.shape[0]):
-        model_share = constants.torque_model.average_variance[j] if of_average else 1.0
         state.torque_variance[j] = (
-            _torque_noise(constants, state, j, variance_ratio, model_share) + bias_filter.torque_variance[j]
+            _torque_noise(constants, state, j, variance_ratio) + bias_filter.torque_variance[j]
         )
     for s in range(state.link_variance.shape[0]):
         for i in range(6):
@@ -139,18 +140,18 @@ def _fill_covariances(
 
 
 @inlined_kernel
-def _torque_noise(
-    constants: Constants, state: State, j: int, variance_ratio: float, model_share: float = 1.0
-) -> float:
-    """Variance of the residual of joint j from noise, model error and the instants of the samples [Nm^2];
-    `model_share`: factor on that of the model error."""
+def _torque_noise(constants: Constants, state: State, j: int, variance_ratio: float) -> float:
+    """Variance of the residual of joint j, or of an average of it, from noise, model error and the instants
+    of the samples [Nm^2]."""
     noise = constants.sensors.torque_variance[j] * state.noise_scale.noise[TORQUE].scale
     inertia_torque = state.inertia_torque.present[j]
     model_variance = (
         state.unmodelled_std[j] ** 2
         + constants.torque_model.inertia_torque_variance[j] * inertia_torque * inertia_torque
     )
-    return float(noise * variance_ratio + state.timing_error.variance[j] + model_share * model_variance)
+    residual_ratio = max(state.stream.clock[0].variance_ratio, MIN_VARIANCE_RATIO)
+    share = share_in_average(constants.torque_model.average_variance[j], variance_ratio / residual_ratio)
+    return float(noise * variance_ratio + state.timing_error.variance[j] + share * model_variance)
 
 
 @inlined_kernel

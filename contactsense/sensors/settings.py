@@ -208,9 +208,9 @@ class JointTorqueSensor(Part):
     to the rate of the joint's momentum, in addition to `model_error`. Without effect on signals that contain
     no inertia."""
     average_error: Number = 1.0
-    """Standard deviation of these two errors and of friction's `rest_error` in the average of the residuals,
-    by which weak contacts that last are detected, relative to that in a sample: 1 if they last, less if they
-    average out, more if the noise is not white."""
+    """Standard deviation of these two errors and of friction's `rest_error` in an average of the residuals
+    over 80 ms (at 10 Hz), relative to that in a sample: 1 if they last, less if they average out, more if the
+    noise is not white."""
     friction: Friction = Friction()
     """Friction of the drives, unless the signal is free of it."""
     rotor_inertia: tuple[NonNegativeFloat, ...] | None = None

@@ -7,9 +7,11 @@ import pytest
 
 from contactsense.residuals.observers import Observers
 from contactsense.residuals.residual_ewma import (
+    NOISE_SHARE,
     RELATIVE_BANDWIDTH,
     ResidualEwma,
     restart_ewma,
+    share_in_average,
     update_ewma,
 )
 from contactsense.robots.jit.flat_buffers import zeros
@@ -80,3 +82,17 @@ def test_it_starts_again_with_the_newest_residual(cause: str) -> None:
     assert ewma.mean[FIRST] == 3.0
     assert ewma.status[0].variance_ratio == ewma.status[0].residual_covariance == 0.5
     assert ewma.status[0].samples == 1.0
+
+
+@pytest.mark.parametrize("in_ewma", [0.2, 0.5, 1.0, 1.5])
+def test_the_share_of_a_model_error_is_between_a_residual_and_the_ewma(in_ewma: float) -> None:
+    # A measurement without a stream has more noise than a residual, a long average less than the EWMA.
+    assert share_in_average(in_ewma, 1e6) == share_in_average(in_ewma, 1.0) == 1.0
+    assert share_in_average(in_ewma, NOISE_SHARE) == share_in_average(in_ewma, 0.0) == in_ewma
+    between = [share_in_average(in_ewma, share) for share in np.linspace(NOISE_SHARE, 1.0, 20)]
+    assert (np.diff(between) * (1.0 - in_ewma) >= 0.0).all()
+
+
+def test_the_share_of_an_error_as_fast_as_noise_is_that_of_noise() -> None:
+    for share in np.linspace(NOISE_SHARE, 1.0, 20):
+        assert share_in_average(NOISE_SHARE, share) == pytest.approx(share)
