@@ -117,8 +117,9 @@ def _line(value: Value) -> tuple[str, str | None, str]:
 def _tool(scene: Scene) -> str:
     if scene.tool is None:
         return "none"
-    x, y, z = (1e3 * part for part in scene.tool.com)
-    return f"{scene.tool.mass:.3g} kg, centre of mass {x:.0f}, {y:.0f}, {z:.0f} mm from the flange"
+    # As whole numbers, of which none is "-0".
+    x, y, z = (round(1e3 * part) for part in scene.tool.com)
+    return f"{scene.tool.mass:.3g} kg, centre of mass {x}, {y}, {z} mm from the flange"
 
 
 def _field(group: str, sensor: str | None, after: Scene, before: Scene) -> str:

@@ -14,6 +14,7 @@ from contactsense.benchmarks.calibration.simulate import simulate
 from contactsense.calibration import Calibration, Settings
 from contactsense.calibration import calibrate as estimate
 from contactsense.calibration.fourier_trajectory import FourierTrajectory
+from contactsense.robots.tool import Tool
 from contactsense.sensors.settings import Friction
 from contactsense.service.cli.calibrate import calibrate
 from contactsense.service.cli.calibration_page import page
@@ -107,6 +108,16 @@ def test_corrections_are_told_as_the_lines_of_the_scene() -> None:
     assert not any(value.changed or value.kept for value in tilts)
     assert found.scene.mounting == "wall"
     assert "direction of gravity" in changed[-1]
+
+
+def test_no_coordinate_is_minus_zero(folder: Path) -> None:
+    scene = Scene.load(folder / "scene.yaml")
+    parts, _ = read_free_motion(folder / "free.csv", scene)
+    found = estimate(scene, parts, Settings(("bias",), widths=False))
+    tool = Tool(name="tool", mass=1.4, com=(-5e-5, 0.01, 0.08))
+    found = replace(found, scene=found.scene.model_copy(update={"tool": tool}))
+    (changed,) = (part.lines for part in page(found, scene, None) if part.title == "What changed")
+    assert "tool: 1.4 kg, centre of mass 0, 10, 80 mm from the flange (was none)" in changed
 
 
 @pytest.mark.slow
