@@ -47,7 +47,8 @@ if TYPE_CHECKING:
 __all__ = ["JointTorqueSensor", "LinkWrenchSensor", "Scene", "SceneError", "WrenchSensor", "describe"]
 
 MAX_LINK_WRENCHES = 8
-"""Largest number of force/torque sensors between links: each has two flags in the 64 bits of a sample."""
+"""Largest number of force/torque sensors between links: as many have flags of their own
+(`contactsense.sensors.stream_state.MAX_SENSORS`)."""
 _MOUNTINGS: dict[str, Vector] = {
     "table": (0.0, 0.0, 0.0),
     "ceiling": (np.pi, 0.0, 0.0),

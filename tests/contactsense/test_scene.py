@@ -13,6 +13,8 @@ from contactsense.robots.primitives import Sphere
 from contactsense.robots.tool import Tool
 from contactsense.runtime.constants import build_constants
 from contactsense.runtime.wrench_map import WrenchMap
+from contactsense.scene import MAX_LINK_WRENCHES
+from contactsense.sensors.stream_state import MAX_SENSORS
 
 
 def test_the_robot_name_suffices() -> None:
@@ -317,3 +319,8 @@ def test_another_arms_calibration_is_refused(tmp_path: Path) -> None:
     (tmp_path / "scene.yaml").write_text(f"robot: ur10e\nkinematics: {tmp_path / 'mine.yaml'}\n")
     with pytest.raises(SceneError, match=r"another arm's file\?"):
         Scene.load(tmp_path / "scene.yaml")
+
+
+def test_every_sensor_has_flags_of_its_own() -> None:
+    base, torques, wrist = 1, 1, 1
+    assert base + torques + wrist + MAX_LINK_WRENCHES == MAX_SENSORS
