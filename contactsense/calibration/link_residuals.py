@@ -110,8 +110,8 @@ def link_rows(
         number, mount, _ = _of(arm.scene, field)
         residual = link_residuals(arm, recording, field, bandwidth)
 
-        def residual_of(x: CalibrationModel, field: str = field) -> np.ndarray:
-            return link_residuals(x, recording, field, bandwidth)
+        def residual_of(x: CalibrationModel, part: FreeMotion, field: str = field) -> np.ndarray:
+            return link_residuals(x, part, field, bandwidth)
 
         columns = [
             (k, difference(residual_of, arm, recording, entry, residual)[keep])

@@ -6,7 +6,7 @@ duplicated. The sixty columns of the links come from the regressor in one pass.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -15,6 +15,7 @@ from contactsense.calibration.calibration_model import CalibrationModel
 from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.parameters import PER_JOINT, Entry, Group, apply_step
 from contactsense.calibration.recording_residuals import (
+    GAP,
     Dynamics,
     JointMotion,
     recently_moved,
@@ -31,6 +32,10 @@ from contactsense.robots.jit.kernel import kernel
 
 DIFFERENCE_STEPS: dict[Group, float] = {"tilt": 1e-5, "turn": 1e-5, "link_turn": 1e-5, "payload": 1e-3}
 """Steps for parameters that enter nonlinearly, in units of their prior standard deviation."""
+
+_START = 15.0
+"""Time constants of the observer until a whole weight, from which it starts, changes by less than a slow
+motion."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +99,7 @@ def linearize(
             done.add(entry.group)
             slopes += _joint_columns(arm, recording, selected, entry.group, bandwidth, residual, keep)
         else:
-            slope = difference(lambda x: residuals(x, recording, bandwidth), arm, recording, entry, residual)
+            slope = difference(lambda x, part: residuals(x, part, bandwidth), arm, recording, entry, residual)
             slopes.append((number, slope[keep], None))
     links = [(number, entry.index) for number, entry in enumerate(selected) if entry.group == "links"]
     if links:
@@ -117,7 +122,7 @@ def linearize(
 
 
 def difference(
-    residual_of: Callable[[CalibrationModel], np.ndarray],
+    residual_of: Callable[[CalibrationModel, FreeMotion], np.ndarray],
     arm: CalibrationModel,
     recording: FreeMotion,
     entry: Entry,
@@ -126,18 +131,33 @@ def difference(
     """Derivative of residuals by one parameter, by a finite difference; shape as theirs.
 
     Args:
-        residual_of: Residuals of an arm, for this recording.
+        residual_of: Residuals of an arm, for a recording.
         arm: Point of linearization.
         recording: Contact-free motion.
         entry: The parameter.
-        residual: `residual_of(arm)`.
+        residual: `residual_of(arm, recording)`.
     """
     if entry.group in ("delay", "link_delay"):
-        h = 0.5 * float(np.median(np.diff(recording.t)))
-        ahead, behind = (residual_of(apply_step(arm, [entry], np.array([step]))) for step in (h, -h))
-        return np.asarray((ahead - behind) / (2.0 * h))
+        # The rate of the readings' own noise exceeds that of slow motion many times, and would seem to
+        # exclude any delay. The model's readings have no noise: what remains of readings that are zero, with
+        # the opposite sign.
+        zero = {field: np.zeros_like(reading) for field, reading in recording.readings.items()}
+        silent = replace(recording.with_readings(zero), torque=None)
+        rate = -np.gradient(residual_of(arm, silent), recording.t, axis=0)
+        rate[_starting(recording.t, arm.scene.bandwidth)] = 0.0
+        return np.asarray(rate)
     h = entry.prior_std * DIFFERENCE_STEPS.get(entry.group, 1.0)
-    return np.asarray((residual_of(apply_step(arm, [entry], np.array([h]))) - residual) / h)
+    changed = apply_step(arm, [entry], np.array([h]))
+    return np.asarray((residual_of(changed, recording) - residual) / h)
+
+
+def _starting(t: np.ndarray, bandwidth: float) -> np.ndarray:
+    """Which samples at times t, shape (N,) [s], show more of the observer's start, or of its next one after a
+    gap, than of the motion, shape (N,), bool."""
+    gap = np.diff(t) > GAP
+    start = np.maximum.accumulate(np.where(np.append(True, gap), t, -np.inf))
+    starting = t - start < _START / (2.0 * np.pi * bandwidth)
+    return np.asarray(starting | np.append(gap, False))
 
 
 def _joint_columns(

@@ -91,6 +91,18 @@ def test_its_scene_explains_the_recording(found: Calibration) -> None:
     assert again.joint_torque == found.scene.joint_torque
 
 
+def test_a_late_sensor_is_found_in_slow_motion() -> None:
+    """The noise of the readings changes faster than the readings themselves."""
+    late = WRENCH.model_copy(update={"delay": 0.03})
+    speed = np.full(6, 0.2)
+    motion = FourierTrajectory.draw(np.random.default_rng(4), CENTER, speed, 8, 12.0)
+    recording = simulate(TRUTH.model_copy(update={"base_wrench": late}), motion, 5, 500.0)
+    result = calibrate(SEARCHED, [recording])
+    (delay,) = [value for value in result.values if value.entry.group == "delay"]
+    assert delay.std < 1e-3
+    assert delay.after == pytest.approx(late.delay, abs=4.0 * delay.std)
+
+
 def test_a_joint_that_does_not_move_is_named_and_kept() -> None:
     stretch = simulate(TRUTH, _motion(10.0, still=(5,)), 2, 100.0)
     result = calibrate(SEARCHED, [stretch], Settings(("bias", "coulomb", "viscous", "rotor"), widths=False))

@@ -41,6 +41,43 @@ def test_noise_of_the_torques_is_not_in_the_derivatives_by_the_torque_constants(
             assert np.std(one.residual - other.residual) > 1.0
 
 
+def test_noise_of_the_readings_is_not_in_the_derivatives_by_their_delay(
+    recorded: tuple[CalibrationModel, FreeMotion],
+) -> None:
+    """Its rate would seem to exclude any delay."""
+    arm, recording = recorded
+    assert recording.reading is not None
+    noise = 30.0 * np.random.default_rng(0).standard_normal(recording.reading.shape)
+    noisy = replace(recording, reading=recording.reading + noise)
+    selected = entries(arm, ("delay",))
+    clean, disturbed = (linearize(arm, x, selected, BANDWIDTH, 1) for x in (recording, noisy))
+    for one, other in zip(clean, disturbed, strict=True):
+        assert len(one.columns) == (one.channel >= 6)
+        np.testing.assert_array_equal(one.slope, other.slope)
+
+
+def test_readings_without_noise_change_with_the_delay_by_the_derivative() -> None:
+    """Except where the observer starts, at first and after a gap."""
+    truth, gain, _ = draw(np.random.default_rng(11))
+    assert truth.base_wrench is not None
+    quiet = truth.base_wrench.model_copy(update={"force_noise": 1e-9, "moment_noise": 1e-9})
+    arm = CalibrationModel.of(truth.model_copy(update={"base_wrench": quiet}))
+    motion = FourierTrajectory.draw(np.random.default_rng(12), CENTER, np.full(6, 0.2), 8, 6.0)
+    recording = simulate(arm.scene, motion, 13, 500.0, gain).part(np.r_[:1500, 1600:3000])
+    selected = entries(arm, ("delay",))
+    step = np.array([0.01])
+    changed = apply_step(arm, list(selected), step)
+    change = (residuals(changed, recording, BANDWIDTH) - residuals(arm, recording, BANDWIDTH)) / step
+    first = len(recording.t) - len(linearize(arm, recording, selected, BANDWIDTH, 1)[0].residual)
+    # Behind the last samples there are no later readings.
+    settled = np.r_[125:1490, 1625:2890] - first
+    for row in linearize(arm, recording, selected, BANDWIDTH, 1):
+        if row.channel >= 6:
+            expected = change[first:, row.channel][settled]
+            np.testing.assert_allclose(row.slope[settled, 0], expected, atol=0.1 * np.abs(expected).max())
+            assert np.abs(row.slope).max() < 1.1 * np.abs(expected).max()
+
+
 @pytest.mark.parametrize(
     "group",
     ["links", "payload", "bias", "coulomb", "viscous", "rotor", "turn", "shift", "tilt", "wrench_bias"],
