@@ -35,6 +35,7 @@ from contactsense.calibration.trimmed_fit import trimmed_fit
 from contactsense.residuals.momentum_observer import noise_variance_ratio
 from contactsense.runtime.constants import wrench_transform
 from contactsense.scene import Scene
+from contactsense.sensors.settings import CURRENTS
 
 _MAX_REFITS = 6
 """Fits after which contacts are left out as they are, even if they still change."""
@@ -44,7 +45,6 @@ _MIN_SECONDS = 2.0
 """Shortest recording, and least contact-free motion in all of them [s]."""
 _MIN_FREE = 0.5
 """Least fraction of contact-free motion: the median residual must be one without contact."""
-_CURRENTS = ("actual_current", "actual_current_minus_target")
 _AT_REST = 0.01
 """A joint that stays within this range rests [rad]."""
 
@@ -75,7 +75,7 @@ def default_groups(scene: Scene, recordings: list[FreeMotion]) -> tuple[Group, .
         groups += ["bias"]
         if torque.contains != "external":
             groups += ["coulomb", "viscous", "rotor", "load", "lubricant"]
-            groups += ["gain"] if torque.signal in _CURRENTS else []
+            groups += ["gain"] if torque.signal in CURRENTS else []
     if scene.base_wrench is not None and any(recording.reading is not None for recording in recordings):
         groups += ["wrench_bias", "tilt", "turn", "shift", "delay"]
     if any(recording.link_readings for recording in recordings):

@@ -41,6 +41,9 @@ in `fields`;
 is useful for tests only.
 """
 
+CURRENTS: tuple[JointTorqueSignal, ...] = ("actual_current", "actual_current_minus_target")
+"""Signals in A, which `torque_constants` turn into torques."""
+
 Meaning = Literal["motor", "gravity_free", "external"]
 """What a torque signal contains in addition to the contact:
 

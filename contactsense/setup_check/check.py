@@ -248,7 +248,7 @@ def _wrong_line(
     line = best.hypothesis.line
     proposed, remark = written(line, best.fit.setup, scene)
     for text, start in best.hypothesis.starts:
-        if start is best.fit.setup and text:
+        if start is best.fit.setup and text and text != proposed:
             remark = text
     return Finding(
         line,
@@ -265,8 +265,11 @@ def _wrong_line(
 
 
 def _report(wrong: list[Finding], new: Finding) -> None:
-    """Add a finding, or correct the earlier one of the same line."""
+    """Add a finding, or correct the earlier one of the same line; drop it where the scene was right."""
     for i, earlier in enumerate(wrong):
+        if earlier.line == new.line and new.proposed == earlier.stated:
+            del wrong[i]
+            return
         if earlier.line == new.line:
             wrong[i] = replace(new, stated=earlier.stated, before=earlier.before)
             return

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from contactsense.scene import Scene
-from contactsense.sensors.settings import Meaning
+from contactsense.sensors.settings import CURRENTS, Meaning
 from contactsense.setup_check.setup import BASE, Free, Setup
 
 Line = str
@@ -139,17 +139,24 @@ class Hypotheses:
 
     def _torques(self, setup: Setup) -> list[Hypothesis]:
         """What may be wrong with the joint torques."""
-        constants = torque_constants(self._scene)
-        signals = (
-            ("the values are currents [A]", replace(setup, gain=setup.gain / constants)),
-            ("the values are torques [Nm]", replace(setup, gain=setup.gain * constants)),
-        )
         others = [meaning for meaning in get_args(Meaning) if meaning != setup.meaning]
         return [
             Hypothesis("joint_torque.sign", (("", replace(setup, gain=-setup.gain)),)),
-            Hypothesis("joint_torque.signal", signals),
+            *self._signal(setup),
             Hypothesis("joint_torque.meaning", tuple(("", replace(setup, meaning=m)) for m in others)),
         ]
+
+    def _signal(self, setup: Setup) -> list[Hypothesis]:
+        """Currents where the scene states torques, or the reverse. Torques that are too large in proportion
+        are no signal that a scene could state."""
+        if abs(setup.gain[0]) != 1.0:
+            return []
+        torque, constants = self._scene.joint_torque, torque_constants(self._scene)
+        if torque is not None and torque.signal in CURRENTS:
+            start = ("the values are torques [Nm]", replace(setup, gain=setup.gain * constants))
+        else:
+            start = ("the values are currents [A]", replace(setup, gain=setup.gain / constants))
+        return [Hypothesis("joint_torque.signal", (start,))]
 
     def _sensor(self, field: str, setup: Setup) -> list[Hypothesis]:
         """What may be wrong with a force/torque sensor."""

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from contactsense.scene import Scene
+from contactsense.sensors.settings import CURRENTS
 from contactsense.service.sensors.robot_stream import SensorError
-
-_CURRENTS = ("actual_current", "actual_current_minus_target")
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +34,7 @@ class TorqueMap:
             return None
         sign = 1.0 if sensor.sign == "by_actuator" else -1.0
         scale = sign * np.ones(len(scene.robot.joints))
-        if sensor.signal in _CURRENTS:
+        if sensor.signal in CURRENTS:
             scale *= torque_constants(scene)
         fields = sensor.fields or (sensor.signal,)
         if sensor.signal == "actual_current_minus_target":

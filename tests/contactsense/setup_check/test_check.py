@@ -68,6 +68,25 @@ def test_a_line_that_is_found_wrong_again_keeps_the_value_of_the_scene() -> None
     assert found == [Finding("tool.mass", "does_not_fit", "1", "1.8", before=before, after=after)]
 
 
+def test_a_line_that_returns_to_the_value_of_the_scene_is_not_wrong() -> None:
+    other = Finding("tool.mass", "does_not_fit", "2", "3")
+    found = [other, Finding("joint_torque.sign", "does_not_fit", "by_actuator", "on_arm")]
+    _report(found, Finding("joint_torque.sign", "does_not_fit", "on_arm", "by_actuator"))
+    assert found == [other]
+
+
+def test_torques_that_are_too_large_are_no_signal_that_a_scene_could_state() -> None:
+    """They were said to be the signal that the scene states."""
+    case = right_setup("ur10e", 5, DRAWN)
+    assert case.recording.torque is not None
+    assert case.scene.joint_torque is not None
+    torques = case.scene.joint_torque.model_copy(update={"signal": "actual_current_as_torque"})
+    scene = case.scene.model_copy(update={"joint_torque": torques})
+    found = check(scene, [replace(case.recording, torque=10.0 * case.recording.torque)])
+    assert not [item.line for item in found.wrong if item.proposed == item.stated]
+    assert "joint_torque.signal" not in [item.line for item in found.wrong]
+
+
 @pytest.mark.parametrize(("mass", "factor"), [(5.0, 1.0), (0.5, 2.0), (0.1, 10.0)])
 def test_the_centre_of_mass_of_a_light_tool_matters_less(mass: float, factor: float) -> None:
     """What counts is the moment of its weight."""
