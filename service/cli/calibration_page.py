@@ -32,6 +32,9 @@ _PLACES = {"turn": "rpy", "link_turn": "rpy", "shift": "translation", "link_shif
 """Fields of a sensor to which a group is a correction."""
 _WRONG = 2.0
 """A fit whose residual of any equation is this many times that of the scene has gone wrong."""
+_SHARE, _LEVER = 0.03, 0.5
+"""The base sensor is not explained if its residual exceeds this share of the weight of arm and tool, that of
+a moment with this lever [m]: as `contactsense check` says it."""
 _COMPONENTS = ("force x", "force y", "force z", "moment x", "moment y", "moment z")
 
 
@@ -63,7 +66,7 @@ def page(found: Calibration, scene: Scene, written: Path | None) -> tuple[Sectio
         Section("Left out: something seems to push on the arm", _contacts(found, names)),
         Section("What changed", _changes(found, scene)),
         Section("What it means", _meaning(found, names)),
-        Section("What to do next", _next_steps(found, written)),
+        Section("What to do next", _next_steps(found, names, written)),
     ]
     return tuple(section for section in sections if section.lines)
 
@@ -100,8 +103,10 @@ def _changes(found: Calibration, scene: Scene) -> tuple[str, ...]:
             lines.append(f"{title}: {_field(group, sensor, found.scene, scene) or _values(block)}")
         elif title not in same:
             same.append(title)
-    if found.scene.tool != scene.tool:
+    if _tool(found.scene) != _tool(scene):
         lines.append(f"tool: {_tool(found.scene)} (was {_tool(scene)})")
+    elif found.scene.tool != scene.tool:
+        lines.append(f"tool: {_tool(scene)}, as before")
     if found.inertia:
         lines.append(f"inertia of the links: {len(found.inertia)} parameters, listed by --verbose")
     if same:
@@ -172,13 +177,31 @@ def _meaning(found: Calibration, names: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(lines)
 
 
-def _next_steps(found: Calibration, written: Path | None) -> tuple[str, ...]:
+def _unexplained(found: Calibration, names: tuple[str, ...]) -> list[str]:
+    """Components of the base sensor that no values of the parameters explain."""
+    scene = found.scene
+    weight = scene.gravity * (scene.robot.mass + scene.tool_inertia.mass)
+    limits = {f"base {name}": _SHARE * weight * (_LEVER if "moment" in name else 1.0) for name in _COMPONENTS}
+    return [
+        f"{name} ({rms:.3g} {unit_of(name)})"
+        for name, rms in zip(names, found.after.rms, strict=True)
+        if rms > limits.get(name, np.inf)
+    ]
+
+
+def _next_steps(found: Calibration, names: tuple[str, ...], written: Path | None) -> tuple[str, ...]:
     steps = [warning for warning in found.warnings if not warning.endswith(": kept")]
     known = np.isfinite(found.after.rms)
     if (found.after.rms[known] > _WRONG * found.before.rms[known]).any():
         steps.append(
             "do not use this scene: the one before explains this motion better. Record more motion, such as "
             "that of `contactsense excite`, or find the wrong line with `contactsense check`"
+        )
+    elif unexplained := _unexplained(found, names):
+        # A fit cannot reverse a sign or exchange axes: it bends what it may change.
+        steps.append(
+            f"do not use this scene: it does not explain {', '.join(unexplained)}. Find the wrong line of "
+            "the scene before with `contactsense check`"
         )
     if found.contacts:
         steps.append(

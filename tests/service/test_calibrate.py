@@ -87,6 +87,26 @@ def test_a_fit_that_has_gone_wrong_is_not_recommended(folder: Path) -> None:
     assert advice(wrong).startswith("do not use this scene: the one before explains this motion better")
 
 
+def test_a_base_sensor_that_stays_unexplained_is_not_recommended() -> None:
+    """A fit cannot reverse the sign of a sensor: it turns the sensor and tilts the arm instead."""
+    sensor = WrenchSensor(sign="sensor_on_arm")
+    truth = Scene(robot="ur5e", joint_torque=None, base_wrench=sensor, tool=Tool(mass=1.0))
+    center = np.array([0.0, -1.3, 1.5, -1.0, 0.8, 0.0])
+    motion = FourierTrajectory.draw(np.random.default_rng(4), center, np.full(6, 0.7), 6, 8.0)
+    recording = simulate(truth, motion, 1, 125.0)
+    advice = {}
+    for sign in ("sensor_on_arm", "arm_on_sensor"):
+        stated = sensor.model_copy(update={"sign": sign})
+        scene = truth.model_copy(update={"base_wrench": stated})
+        found = estimate(scene, [recording], Settings(("wrench_bias", "tilt", "turn"), widths=False))
+        advice[sign] = "\n".join(page(found, scene, Path("new.yaml"))[-1].lines)
+    assert "do not use" not in advice["sensor_on_arm"]
+    assert re.match(
+        r"do not use this scene: it does not explain .*base force z \(\d+ N\)", advice["arm_on_sensor"]
+    )
+    assert "`contactsense check`" in advice["arm_on_sensor"]
+
+
 def test_corrections_are_told_as_the_lines_of_the_scene() -> None:
     sensor = WrenchSensor(rpy=(0.0, 0.0, 0.5236), translation=(0.0, 0.0, -0.04))
     truth = Scene(robot="ur5e", mounting="wall", joint_torque=None, base_wrench=sensor)
