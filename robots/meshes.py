@@ -43,7 +43,9 @@ def check_unit(mesh: trimesh.Trimesh, where: str, remedy: str = "set the mesh's 
         RobotError: larger than 5 m or smaller than 5 mm.
     """
     extent = float(np.linalg.norm(mesh.extents))
-    if not 0.005 < extent < 5.0:
+    if extent <= 0.005:
+        raise RobotError(f"{where}: {extent:.3g} m across: in metres already? Then leave out its scale")
+    if not extent < 5.0:
         raise RobotError(f"{where}: {extent:.3g} m across: not in metres? Then {remedy}")
 
 

@@ -169,7 +169,7 @@ def _root(path: Path, links: dict[str, Any], parent: dict[str, Any]) -> str:
 
 def visuals(path: Path, link: Any) -> list[trimesh.Trimesh]:
     """Visual shapes of one link of a URDF, in its frame [m]."""
-    pieces = []
+    pieces, where = [], f"{path}: link {link.name}: visual"
     for visual in link.visuals:
         geometry = visual.geometry
         if geometry.mesh is not None:
@@ -177,15 +177,28 @@ def visuals(path: Path, link: Any) -> list[trimesh.Trimesh]:
             scale = 1.0 if geometry.mesh.scale is None else np.asarray(geometry.mesh.scale, dtype=np.float64)
             piece = read_mesh(file, scale)
         elif geometry.box is not None:
-            piece = trimesh.creation.box(geometry.box.size)
+            piece = trimesh.creation.box(_sizes(f"{where}: box", geometry.box.size, 3))
         elif geometry.cylinder is not None:
-            piece = trimesh.creation.cylinder(geometry.cylinder.radius, geometry.cylinder.length, sections=64)
+            lengths = (geometry.cylinder.radius, geometry.cylinder.length)
+            radius, length = _sizes(f"{where}: cylinder", lengths, 2)
+            piece = trimesh.creation.cylinder(radius, length, sections=64)
         elif geometry.sphere is not None:
-            piece = trimesh.creation.icosphere(4, geometry.sphere.radius)
+            (radius,) = _sizes(f"{where}: sphere", geometry.sphere.radius, 1)
+            piece = trimesh.creation.icosphere(4, radius)
         else:
             raise RobotError(f"{path}: link {link.name}: a visual without shape")
         pieces.append(piece.apply_transform(_pose(visual.origin)))
     return pieces
+
+
+def _sizes(where: str, given: Any, count: int) -> np.ndarray:
+    """The sizes of a shape [m]; refused if there are too few, or one that no shape has."""
+    sizes = np.atleast_1d(np.asarray(given, dtype=np.float64))
+    if len(sizes) != count or not np.all((sizes >= 0.0) & np.isfinite(sizes)):
+        wanted = "a size" if count == 1 else f"{count} sizes"
+        got = " ".join(f"{size:g}" for size in sizes)
+        raise RobotError(f"{where}: expected {wanted} of at least 0 m, got {got}")
+    return sizes
 
 
 def find_mesh(path: Path, name: str) -> Path:

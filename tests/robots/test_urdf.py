@@ -247,6 +247,23 @@ def test_unusable_files_and_tips_are_refused(tmp_path: Path) -> None:
         robots.from_urdf(write(tmp_path, arm()), tip="hand")
 
 
+@pytest.mark.parametrize(
+    ("shape", "wanted"),
+    [
+        (
+            '<cylinder radius="-0.05" length="0.2"/>',
+            "cylinder: expected 2 sizes of at least 0 m, got -0.05 0.2",
+        ),
+        ('<sphere radius="nan"/>', "sphere: expected a size of at least 0 m, got nan"),
+        ('<box size="0.1 0.2"/>', "box: expected 3 sizes of at least 0 m, got 0.1 0.2"),
+    ],
+)
+def test_sizes_that_no_shape_has_are_refused(tmp_path: Path, shape: str, wanted: str) -> None:
+    text = arm().replace('<cylinder radius="0.05" length="0.2"/>', shape, 1)
+    with pytest.raises(robots.RobotError, match=f"link link0: visual: {wanted}"):
+        read_chain(write(tmp_path, text)).meshes()
+
+
 def test_unusable_meshes_are_refused(tmp_path: Path) -> None:
     cylinder = '<cylinder radius="0.05" length="0.2"/>'
     text = arm().replace(cylinder, '<mesh filename="box.stl"/>', 1)
@@ -254,6 +271,9 @@ def test_unusable_meshes_are_refused(tmp_path: Path) -> None:
         read_chain(write(tmp_path, text)).meshes()
     trimesh.creation.box((100.0, 200.0, 300.0)).export(tmp_path / "box.stl")
     with pytest.raises(robots.RobotError, match=r"link link0: \d+ m across: not in metres\?"):
+        read_chain(write(tmp_path, text)).meshes()
+    trimesh.creation.box((1e-4, 2e-4, 3e-4)).export(tmp_path / "box.stl")
+    with pytest.raises(robots.RobotError, match=r"link link0: 0\.000\d+ m across: in metres already\?"):
         read_chain(write(tmp_path, text)).meshes()
     (tmp_path / "box.stl").write_text("solid nothing\nendsolid nothing\n")
     with pytest.raises(robots.RobotError, match=r"box.stl: "):
