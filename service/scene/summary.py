@@ -89,7 +89,7 @@ def as_plain(scene: Scene, q: np.ndarray) -> dict[str, Any]:
 
 def scene_warnings(scene: Scene) -> tuple[str, ...]:
     """What is possible but cannot work well, one line each, with the field to change."""
-    found = list(_range_warnings(scene, "base_wrench", scene.base_wrench, "arm"))
+    found = [*_mass_warnings(scene), *_range_warnings(scene, "base_wrench", scene.base_wrench, "arm")]
     for field, sensor in scene.link_sensors.items():
         found += _range_warnings(scene, field, sensor, "tool" if field == "wrist_wrench" else "load")
     if scene.tool is not None and scene.tool.mass > 0.0 and not scene.tool.primitives:
@@ -97,6 +97,20 @@ def scene_warnings(scene: Scene) -> tuple[str, ...]:
     for i, body in enumerate(scene.bodies):  # a floor may be as large
         found += [f"bodies[{i}].primitives[{j}]: {text}" for j, text in beyond(body.primitives, FURTHEST)]
     return tuple(found)
+
+
+def _mass_warnings(scene: Scene) -> Iterator[str]:
+    """Moving links whose weight a sensor measures and the model does not know."""
+    external = scene.joint_torque is None or scene.joint_torque.contains == "external"
+    if external and scene.base_wrench is None and not scene.link_sensors:
+        return
+    links = zip(scene.robot.link_names[1:], scene.link_inertia[1:], strict=True)
+    light = [name for name, inertia in links if inertia.mass == 0.0]
+    if light:
+        yield (
+            f"robot: expected the mass of each moving link, got 0 kg for {', '.join(light)}; what they weigh "
+            "looks like a contact"
+        )
 
 
 def _range_warnings(scene: Scene, field: str, sensor: WrenchSensor | None, carried: str) -> Iterator[str]:

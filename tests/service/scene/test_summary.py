@@ -1,14 +1,17 @@
 """What a scene is understood to say."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from contactsense import Scene, WrenchSensor
+from contactsense import JointTorqueSensor, Scene, WrenchSensor
+from contactsense.robots.robot import NO_MASS
 from contactsense.robots.tool import Tool
 from contactsense.runtime.largest_reading import largest_reading_at_rest
 from contactsense.runtime.weight import ArmWeight
+from contactsense.sensors.settings import LinkInertia
 from contactsense.service.drawing.palette import link_colour, rgb
 from contactsense.service.drawing.posture import usual_posture
 from contactsense.service.scene.picture import draw_scene
@@ -101,6 +104,21 @@ def test_the_largest_load_is_that_of_an_arm_stretched_out() -> None:
 
 def test_a_tool_without_a_surface_is_warned_of() -> None:
     assert "tool.primitives" in scene_warnings(Scene(robot="ur5e", tool=Tool(mass=1.0)))[0]
+
+
+def test_moving_links_without_a_mass_are_warned_of() -> None:
+    """Many URDFs have no masses. Torques that the controller has compensated need none."""
+    arm = plain_ur5e()
+    light = replace(
+        arm, links=tuple(replace(link, inertia=NO_MASS) for link in arm.links[:2]) + arm.links[2:]
+    )
+    assert scene_warnings(Scene(robot=arm)) == ()
+    (found,) = scene_warnings(Scene(robot=light))
+    assert found.startswith("robot: expected the mass of each moving link, got 0 kg for shoulder; ")
+    torques = JointTorqueSensor(meaning="external")
+    assert scene_warnings(Scene(robot=light, base_wrench=None, joint_torque=torques)) == ()
+    own = {"shoulder": LinkInertia(mass=3.0, com=(0.0, 0.0, 0.0), tensor=(0.0,) * 6)}
+    assert scene_warnings(Scene(robot=light, inertia=own)) == ()
 
 
 def test_the_picture_shows_links_in_their_colours(tmp_path: Path) -> None:
