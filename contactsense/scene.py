@@ -37,6 +37,7 @@ from contactsense.sensors.field_checks import (
     has_no_former_field,
     has_one_per_joint,
     in_the_cell,
+    of_its_mass,
     touchable_in_metres,
 )
 from contactsense.sensors.settings import JointTorqueSensor, LinkInertia, LinkWrenchSensor, WrenchSensor
@@ -271,12 +272,14 @@ class Scene(FileModel):
             raise SceneError(f"{path}: {error}") from None
 
     def _can_carry(self, tool: Tool) -> None:
-        """Raise a ValueError if the tool's mass, centre of mass or size is beyond what any arm carries."""
+        """Raise a ValueError if the tool's mass, inertia or size is beyond what any arm carries."""
         field, own = "com", sum(link.inertia.mass for link in self.robot.links)
         try:
             in_metres(tool.com)
             field = "mass"
             carried_by(own, tool.mass)
+            field = "tensor"
+            of_its_mass(tool.mass, tool.tensor)
         except ValueError as error:
             raise ValueError(f"tool.{field}: {error}") from None
         touchable_in_metres("tool", tool.primitives)

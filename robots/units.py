@@ -1,6 +1,6 @@
 """Whether places and angles can be in m and rad."""
 
-from math import pi, radians
+from math import isfinite, pi, radians
 
 from contactsense.robots.primitives import Vector
 
@@ -22,9 +22,9 @@ def within_one_turn(rpy: Vector) -> Vector:
     """
     if not all(abs(angle) <= _ONE_TURN for angle in rpy):
         in_radians = ", ".join(f"{radians(angle):.4g}" for angle in rpy)
+        meant = f"; if these are degrees: [{in_radians}]" if all(map(isfinite, rpy)) else ""
         raise ValueError(
-            "expected roll, pitch, yaw in rad, none above one turn (6.283), got "
-            f"{list(rpy)}; if these are degrees: [{in_radians}]"
+            f"expected roll, pitch, yaw in rad, none above one turn (6.283), got {list(rpy)}{meant}"
         )
     return rpy
 
@@ -36,8 +36,7 @@ def in_metres(place: Vector, furthest: float = FURTHEST) -> Vector:
         ValueError: a coordinate is above `furthest` [m], as coordinates in mm are.
     """
     if not all(abs(x) <= furthest for x in place):
-        raise ValueError(
-            f"expected x, y, z in m, none above {furthest:g}, got {list(place)}; "
-            f"if these are mm: [{', '.join(f'{1e-3 * x:.4g}' for x in place)}]"
-        )
+        in_mm = ", ".join(f"{1e-3 * x:.4g}" for x in place)
+        meant = f"; if these are mm: [{in_mm}]" if all(map(isfinite, place)) else ""
+        raise ValueError(f"expected x, y, z in m, none above {furthest:g}, got {list(place)}{meant}")
     return place

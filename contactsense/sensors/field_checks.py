@@ -47,6 +47,23 @@ def carried_by(arm: float, tool: float) -> None:
         )
 
 
+def of_its_mass(mass: float, tensor: Sequence[float]) -> None:
+    """Check the inertia of a tool about its centre of mass, ixx, ixy, ixz, iyy, iyz, izz [kg m^2]. Without a
+    mass [kg], which calibration may find, there is nothing to compare it with.
+
+    Raises:
+        ValueError: A moment is above that of the mass at the ends of the longest tool, as in kg mm^2.
+    """
+    largest = max(tensor[0], tensor[3], tensor[5])
+    limit = mass * (0.5 * FURTHEST) ** 2
+    if largest > limit > 0.0:
+        meant = ", ".join(f"{1e-6 * moment:.4g}" for moment in tensor)
+        raise ValueError(
+            f"expected kg m^2, none above {limit:.4g} for {mass:g} kg, got {largest:g}; "
+            f"if these are kg mm^2: [{meant}]"
+        )
+
+
 def touchable_in_metres(place: str, primitives: Sequence[Primitive]) -> None:
     """Check the primitives of what can be touched: places of contacts are searched everywhere on them, which
     takes more time and memory than there is if they are a thousand times too large.

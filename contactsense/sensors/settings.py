@@ -219,6 +219,14 @@ class JointTorqueSensor(Part):
     rotor_inertia: tuple[NonNegativeFloat, ...] | None = None
     """Inertia of the rotors reflected to the joints [kg m^2], one per joint; by default, the robot's data."""
 
+    @field_validator("fields")
+    @classmethod
+    def _has_each_once(cls, fields: tuple[str, ...] | None) -> tuple[str, ...] | None:
+        for index, name in enumerate(fields or ()):
+            if name in (fields or ())[:index]:
+                raise ValueError(f"expected another field for each joint, got {name!r} twice")
+        return fields
+
     @property
     def contains(self) -> Meaning:
         """What the signal contains in addition to the contact."""

@@ -234,6 +234,19 @@ def test_an_arm_may_be_a_path(tmp_path: Path) -> None:
             "tool.tensor: expected .*got principal moments 1, 1, 9 kg",
         ),
         ("robot: ur5e\ntool: {mass: 1, tensor: [-1, 0, 0, 1, 0, 1]}", "tool.tensor: expected"),
+        (
+            "robot: ur5e\ntool: {mass: 1.2, tensor: [2100, 0, 0, 2100, 0, 900]}",
+            r"tool.tensor: expected kg m\^2, none above 7.5 for 1.2 kg, got 2100; "
+            r"if these are kg mm\^2: \[0.0021, 0, 0, 0.0021, 0, 0.0009\]",
+        ),
+        (
+            "robot: ur5e\nmounting: [0, .nan, 0]",
+            r"mounting: expected roll, pitch, yaw in rad, .*, got \[0.0, nan, 0.0\]$",
+        ),
+        (
+            "robot: ur5e\njoint_torque: {signal: external_torque, fields: [a, b, c, d, e, b]}",
+            "joint_torque.fields: expected another field for each joint, got 'b' twice",
+        ),
         ("robot: ur5e\ngravity: 9810", "gravity: expected a number of at most 30, got 9810"),
         ("robot: ur5e\nclearance: 5", "clearance: expected a number of at most 1, got 5"),
         ("robot: ur5e\nsurface_error: 0.5", "surface_error: expected a number of at most 0.1, got 0.5"),
