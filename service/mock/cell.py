@@ -82,8 +82,8 @@ class Cell:
         """
         try:
             robot = robots.load(script.robot)
-        except LookupError as error:
-            raise ScriptError(f"robot: {error.args[0] if error.args else error}") from None
+        except robots.RobotError as error:
+            raise ScriptError(f"robot: {error}") from None
         noise, joints = script.noise, len(robot.joints)
         return cls(
             robot=robot,

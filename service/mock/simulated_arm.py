@@ -179,8 +179,8 @@ def _level(since: np.ndarray, duration: float, ramp: float) -> np.ndarray:
 def _load(name: str) -> Robot:
     try:
         return robots.load(name)
-    except LookupError as error:
-        raise ScriptError(f"robot: {error.args[0] if error.args else error}") from None
+    except robots.RobotError as error:
+        raise ScriptError(f"robot: {error}") from None
 
 
 def check_trajectory(script: Script, robot: Robot) -> None:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from contactsense.service.mock.cell import Cell
 from contactsense.service.mock.newton_euler import link_poses
 from contactsense.service.mock.script import Contact, Noise, Script, ScriptError, Trajectory
 from contactsense.service.mock.simulated_arm import joint_motion, simulate
@@ -140,6 +141,18 @@ def test_it_can_loop_only_where_it_ends_where_it_began() -> None:
 def test_a_script_that_the_arm_cannot_follow(fields: dict[str, object], complaint: str) -> None:
     with pytest.raises(ScriptError, match=complaint):
         simulate(script(**fields), ARM)
+
+
+@pytest.mark.parametrize(
+    ("name", "complaint"),
+    [("ur99", "robot: unknown robot 'ur99'"), ("gone.urdf", "robot: gone.urdf: no such")],
+)
+def test_an_arm_that_cannot_be_read_is_told_in_one_line(name: str, complaint: str) -> None:
+    unknown = script(robot=name)
+    with pytest.raises(ScriptError, match=complaint):
+        simulate(unknown)
+    with pytest.raises(ScriptError, match=complaint):
+        Cell.of_script(unknown)
 
 
 def test_an_unknown_link_is_told_the_names() -> None:
