@@ -49,9 +49,10 @@ def read_free_motion(
         field: LinkSensorFrame(scene, field).readings(found.q, wrenches)
         for field, wrenches in found.link_values.items()
     }
-    sensors = (found.joint_torque, reading, *links.values())
-    signals = [found.q, found.qd, *(x for x in sensors if x is not None)]
-    finite = np.isfinite(np.hstack(signals)).all(axis=1)
+    sensors = {"joint_torque": found.joint_torque, "base_wrench": reading, **links}
+    signals = {"q": found.q, "qd": found.qd} | {field: x for field, x in sensors.items() if x is not None}
+    known = {field: np.isfinite(values).all(axis=1) for field, values in signals.items()}
+    finite = np.all(list(known.values()), axis=0)
     resets = np.flatnonzero(np.diff(found.t, prepend=found.t[:1]) < 0.0)
     stretches = []
     for rows in np.split(np.arange(len(found)), resets):
@@ -70,10 +71,13 @@ def read_free_motion(
                 )
             )
     if not stretches:
+        # One value that is never there, such as that of a joint whose column is text, costs every row.
+        absent = [field for field, rows in known.items() if len(rows) and not rows.any()]
+        never = f"; never {', '.join(absent)}" if absent else ""
         raise RecordingError(
             f"{path}: expected at least {_SHORTEST} samples with finite numbers in all columns and rising "
-            f"times, got {int(finite.sum())} of {len(found)} with finite numbers, and {len(resets)} times at "
-            "which the clock was set back"
+            f"times, got {int(finite.sum())} of {len(found)} with finite numbers{never}, and {len(resets)} "
+            "times at which the clock was set back"
         )
     step = float(np.median(np.concatenate([np.diff(part.t) for part in stretches])))
     if step > LONGEST_GAP:

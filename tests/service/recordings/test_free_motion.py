@@ -106,6 +106,14 @@ def test_too_few_samples_and_wrong_columns_are_refused(tmp_path: Path) -> None:
         read_free_motion(tmp_path / "a.csv", SCENE, "no_such_field=x")
 
 
+def test_a_signal_that_is_never_there_is_named(tmp_path: Path) -> None:
+    """One joint without torques costs every row."""
+    made = columns() | {"joint_torque_2": np.full(N, np.nan)}
+    write_columns(tmp_path / "a.parquet", made)
+    with pytest.raises(RecordingError, match=r"got 0 of 20 with finite numbers; never joint_torque, and 0 "):
+        read_free_motion(tmp_path / "a.parquet", SCENE)
+
+
 def test_times_in_milliseconds_are_told(tmp_path: Path) -> None:
     """They would leave nothing to fit: no two samples belong together."""
     made = columns()
