@@ -63,10 +63,12 @@ _TOLERANCE: dict[Kind, float] = {
 """Changes below this do not matter [rad, m, s, kg]; larger standard deviations determine nothing."""
 _MIN_ROWS = 8
 """Fewer are not enough."""
-_NOISE_FACTOR, _SHARE, _SCALE = 5.0, 0.3, 0.03
-"""A signal is unexplained if its residual exceeds its noise by this factor, and this share of its own
-variation, and of the joints' limits or the weight of what the sensor carries."""
-_ARM_LEVER, _TOOL_LEVER = 0.5, 0.1
+_NOISE_FACTOR, _SHARE = 5.0, 0.3
+"""A signal is unexplained if its residual exceeds its noise by this factor, this share of its own variation,
+and `UNEXPLAINED_SHARE`."""
+UNEXPLAINED_SHARE = 0.03
+"""Share of the joints' limits, or of the weight of what a sensor carries."""
+ARM_LEVER, _TOOL_LEVER = 0.5, 0.1
 """Moments are compared with that weight at these levers [m]."""
 
 
@@ -337,13 +339,13 @@ def _unexplained(scene: Scene, fitter: Fitter, readings: Readings, now: Fit) -> 
     names = [f"torque of {joint.name}" for joint in scene.robot.joints]
     for i, field in enumerate(fields):
         weight = 9.81 * float(now.setup.carried(field)[:, 0].sum())
-        lever = _TOOL_LEVER if now.setup.sensors[field].tool_alone else _ARM_LEVER
+        lever = _TOOL_LEVER if now.setup.sensors[field].tool_alone else ARM_LEVER
         scale.append(np.repeat([weight, weight * lever], 3))
         if field in readings.wrenches:
             variation[n + 6 * i :][:6] = readings.wrenches[field].std(axis=0)
         label = field.removesuffix("_wrench").removeprefix("link_wrenches.")
         names += [f"{label} sensor's {what} {axis}" for what in ("force", "moment") for axis in "xyz"]
     large = (rms > _NOISE_FACTOR * fitter.noise) & (rms > _SHARE * variation)
-    large &= rms > _SCALE * np.concatenate(scale)
+    large &= rms > UNEXPLAINED_SHARE * np.concatenate(scale)
     units = ["Nm"] * n + (["N"] * 3 + ["Nm"] * 3) * len(fields)
     return tuple(f"{names[c]}: residual {rms[c]:.3g} {units[c]}" for c in np.flatnonzero(large))

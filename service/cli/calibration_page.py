@@ -9,6 +9,7 @@ import numpy as np
 from contactsense.calibration import Calibration, Value
 from contactsense.calibration.result import CHANGED
 from contactsense.scene import Scene
+from contactsense.setup_check.check import ARM_LEVER, UNEXPLAINED_SHARE
 
 _TITLES = {
     "bias": "torque bias",
@@ -32,9 +33,6 @@ _PLACES = {"turn": "rpy", "link_turn": "rpy", "shift": "translation", "link_shif
 """Fields of a sensor to which a group is a correction."""
 _WRONG = 2.0
 """A fit whose residual of any equation is this many times that of the scene has gone wrong."""
-_SHARE, _LEVER = 0.03, 0.5
-"""The base sensor is not explained if its residual exceeds this share of the weight of arm and tool, that of
-a moment with this lever [m]: as `contactsense check` says it."""
 _COMPONENTS = ("force x", "force y", "force z", "moment x", "moment y", "moment z")
 
 
@@ -178,10 +176,12 @@ def _meaning(found: Calibration, names: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _unexplained(found: Calibration, names: tuple[str, ...]) -> list[str]:
-    """Components of the base sensor that no values of the parameters explain."""
+    """Components of the base sensor that no values of the parameters explain, by the limits of `contactsense
+    check`."""
     scene = found.scene
     weight = scene.gravity * (scene.robot.mass + scene.tool_inertia.mass)
-    limits = {f"base {name}": _SHARE * weight * (_LEVER if "moment" in name else 1.0) for name in _COMPONENTS}
+    limit = UNEXPLAINED_SHARE * weight
+    limits = {f"base {name}": limit * (ARM_LEVER if "moment" in name else 1.0) for name in _COMPONENTS}
     return [
         f"{name} ({rms:.3g} {unit_of(name)})"
         for name, rms in zip(names, found.after.rms, strict=True)
