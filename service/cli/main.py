@@ -1,5 +1,6 @@
 """Entry point: `contactsense COMMAND ...`. Commands are imported only when they are called."""
 
+import errno
 import signal
 import sys
 
@@ -58,5 +59,11 @@ def main() -> None:
         sys.exit(1)
     except click.Abort:
         print("contactsense: interrupted", file=sys.stderr)
+        sys.exit(1)
+    except OSError as error:
+        # Without the name of a file it is the output, such as a file on a full disk.
+        if error.errno != errno.ENOSPC or error.filename is not None:
+            raise
+        print(f"contactsense: cannot write the output: {error.strerror}", file=sys.stderr)
         sys.exit(1)
     sys.exit(status if isinstance(status, int) else 0)

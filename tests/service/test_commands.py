@@ -218,6 +218,15 @@ def test_commands_are_listed_in_the_order_of_their_use(
 
 
 @pytest.mark.slow
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+def test_output_to_a_full_disk_is_told_in_one_line() -> None:
+    command = [sys.executable, "-m", "contactsense", "robots"]
+    with Path("/dev/full").open("w") as full:
+        ended = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert ended.returncode == 1
+    assert ended.stderr == "contactsense: cannot write the output: No space left on device\n"
+
+
 def test_a_taken_port_is_told() -> None:
     with child("serve", "--port", "0") as first:
         port = first.wait_for("serving at http://127.0.0.1:")
