@@ -159,7 +159,8 @@ def print_check(found: SetupCheck, console: Console) -> None:
         console.print("To determine the other lines, move more joints, further or faster.", highlight=False)
     left = _listed(found.residuals)
     text = ", ".join(f"{name} {value:.2g} {unit}" for name, (value, unit) in left.items())
-    console.print(f"{found.seconds:.1f} s; RMS residual below 2 Hz: {text}", highlight=False)
+    console.print(f"{found.seconds:.1f} s of motion", highlight=False)
+    console.print(f"RMS residual below 2 Hz: {text}", highlight=False)
     if found.fits:
         console.print("Nothing contradicts the scene.")
 
