@@ -30,15 +30,13 @@ from contactsense.robots.robot import NO_MASS, Inertia
 from contactsense.robots.rotations import rotation_from_rpy
 from contactsense.robots.surroundings import Body
 from contactsense.robots.tool import Tool
-from contactsense.robots.units import in_metres, within_one_turn
+from contactsense.robots.units import within_one_turn
 from contactsense.robots.yaml_fields import read_fields
 from contactsense.sensors.field_checks import (
     carried_by,
     has_no_former_field,
     has_one_per_joint,
     in_the_cell,
-    of_its_mass,
-    touchable_in_metres,
 )
 from contactsense.sensors.settings import JointTorqueSensor, LinkInertia, LinkWrenchSensor, WrenchSensor
 
@@ -227,7 +225,7 @@ class Scene(FileModel):
         if self.tool is not None:
             if self.tool.primitives and self.tool.name in self.robot.link_names:
                 raise ValueError(f"tool.name: expected a name that no link has, got {self.tool.name!r}")
-            self._can_carry(self.tool)
+            carried_by(self.robot.mass, self.tool)
         for name in self.touchable or ():
             if name not in self.link_names:
                 raise ValueError(f"touchable: expected links of {', '.join(self.link_names)}, got {name!r}")
@@ -270,19 +268,6 @@ class Scene(FileModel):
             return cls(**located(content, Path(path).parent))
         except SceneError as error:
             raise SceneError(f"{path}: {error}") from None
-
-    def _can_carry(self, tool: Tool) -> None:
-        """Raise a ValueError if the tool's mass, inertia or size is beyond what any arm carries."""
-        field, own = "com", sum(link.inertia.mass for link in self.robot.links)
-        try:
-            in_metres(tool.com)
-            field = "mass"
-            carried_by(own, tool.mass)
-            field = "tensor"
-            of_its_mass(tool.mass, tool.tensor)
-        except ValueError as error:
-            raise ValueError(f"tool.{field}: {error}") from None
-        touchable_in_metres("tool", tool.primitives)
 
     def _has_surface(self) -> None:
         """Raise a ValueError if no link can be touched: no contact could ever be explained."""

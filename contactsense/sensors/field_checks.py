@@ -7,6 +7,7 @@ from pydantic import BaseModel
 from contactsense.robots.primitive_extent import beyond
 from contactsense.robots.primitives import Primitive
 from contactsense.robots.surroundings import Body
+from contactsense.robots.tool import Tool
 from contactsense.robots.units import FURTHEST, FURTHEST_BODY, in_metres, within_one_turn
 
 LIGHTEST_ARM = 1.0
@@ -34,7 +35,29 @@ def in_seconds(delay: float) -> float:
     return delay
 
 
-def carried_by(arm: float, tool: float) -> None:
+def carried_by(arm: float, tool: Tool) -> None:
+    """Check the mass, inertia and size of a tool.
+
+    Args:
+        arm: Mass of the arm [kg].
+        tool: The tool.
+
+    Raises:
+        ValueError: One of them is beyond what any arm carries; the message names it.
+    """
+    field = "com"
+    try:
+        in_metres(tool.com)
+        field = "mass"
+        _lighter_than(arm, tool.mass)
+        field = "tensor"
+        _of_its_mass(tool.mass, tool.tensor)
+    except ValueError as error:
+        raise ValueError(f"tool.{field}: {error}") from None
+    touchable_in_metres("tool", tool.primitives)
+
+
+def _lighter_than(arm: float, tool: float) -> None:
     """Check the mass of a tool [kg].
 
     Raises:
@@ -47,7 +70,7 @@ def carried_by(arm: float, tool: float) -> None:
         )
 
 
-def of_its_mass(mass: float, tensor: Sequence[float]) -> None:
+def _of_its_mass(mass: float, tensor: Sequence[float]) -> None:
     """Check the inertia of a tool about its centre of mass, ixx, ixy, ixz, iyy, iyz, izz [kg m^2]. Without a
     mass [kg], which calibration may find, there is nothing to compare it with.
 

@@ -8,8 +8,16 @@ import pyarrow as pa
 import pyarrow.feather as pa_feather
 import pyarrow.parquet as pa_parquet
 
+from contactsense import Scene, WrenchSensor
+
 N = 50
 """Rows of the table."""
+SCENE = Scene(
+    robot="ur5e",
+    base_wrench=WrenchSensor(rpy=(0.1, 0.2, 0.3), translation=(0.0, 0.0, -0.05), sign="sensor_on_arm"),
+)
+TORQUES = Scene(robot="ur5e", base_wrench=None)
+"""Scenes of an arm with and without a base sensor."""
 
 
 def columns(n: int = N, **more: np.ndarray) -> dict[str, np.ndarray]:

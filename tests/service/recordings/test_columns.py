@@ -20,18 +20,14 @@ from contactsense.service.recordings import (
 )
 from contactsense.service.recordings.column_mapping import expand, unit_hint
 from tests.service.recordings.tables import (
+    SCENE,
+    TORQUES,
     N,
     as_parquet,
     columns,
     table,
     text,
 )
-
-SCENE = Scene(
-    robot="ur5e",
-    base_wrench=WrenchSensor(rpy=(0.1, 0.2, 0.3), translation=(0.0, 0.0, -0.05), sign="sensor_on_arm"),
-)
-TORQUES = Scene(robot="ur5e", base_wrench=None)
 
 
 def test_a_file_without_a_time_that_is_a_number_is_refused(tmp_path: Path) -> None:

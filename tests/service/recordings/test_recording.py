@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from contactsense import Localizer, Sample, Scene, WrenchSensor
+from contactsense import Localizer, Sample, Scene
 from contactsense.runtime.wrench_map import WrenchMap
 from contactsense.service.recordings import (
     RecordingError,
@@ -20,6 +20,8 @@ from contactsense.service.recordings import (
 from contactsense.service.recordings.cleaning import RowChecker
 from contactsense.service.recordings.metadata import metadata
 from tests.service.recordings.tables import (
+    SCENE,
+    TORQUES,
     N,
     as_arrow,
     as_blanks,
@@ -32,12 +34,6 @@ from tests.service.recordings.tables import (
     table,
     text,
 )
-
-SCENE = Scene(
-    robot="ur5e",
-    base_wrench=WrenchSensor(rpy=(0.1, 0.2, 0.3), translation=(0.0, 0.0, -0.05), sign="sensor_on_arm"),
-)
-TORQUES = Scene(robot="ur5e", base_wrench=None)
 
 
 @pytest.mark.parametrize("write", [as_csv, as_blanks, as_gzip, as_parquet, as_folder, as_arrow, as_feather])
