@@ -1,7 +1,7 @@
 """Description of an arm: kinematics, inertia and surface of each link. Data only, no estimation."""
 
 from contactsense.robots.kinematic_calibration import calibrated
-from contactsense.robots.library import UnknownRobotError, from_urdf, load, names
+from contactsense.robots.library import UnknownRobotError, from_urdf, known_names, load, names
 from contactsense.robots.robot import Inertia, Joint, Link, Robot
 from contactsense.robots.yaml_schema import RobotError
 
@@ -14,6 +14,7 @@ __all__ = [
     "UnknownRobotError",
     "calibrated",
     "from_urdf",
+    "known_names",
     "load",
     "names",
 ]

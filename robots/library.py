@@ -13,23 +13,32 @@ MESH_SUFFIXES = (".ply", ".dae", ".obj", ".stl", ".glb")
 URDF_SUFFIXES = (".urdf", ".xml", ".xacro", ".sdf")
 """Endings of files that are read as URDF; those that are another format are refused with a hint."""
 
+EQUIVALENT_MODELS = {"ur7e": "ur5e", "ur12e": "ur10e"}
+"""Models -> the arm in the library whose links and joints they have. They differ from it in the payload that
+the controller permits (config/ur7e and config/ur12e of Universal_Robots_ROS2_Description, 4.1.1)."""
+
 
 class UnknownRobotError(RobotError):
     """A name that is not in the library; the message lists the available names."""
 
 
 def names() -> tuple[str, ...]:
-    """Names of the arms that `load` knows."""
+    """Names of the arms in the library."""
     return tuple(
         sorted(path.stem for path in _folder().glob("*.yaml") if not path.name.endswith(".surface.yaml"))
     )
+
+
+def known_names() -> tuple[str, ...]:
+    """All names that `load` knows: `names` and the models that are one of these arms."""
+    return tuple(sorted((*names(), *EQUIVALENT_MODELS)))
 
 
 def load(name: str | Path) -> Robot:
     """Load an arm by its name in the library, or from a YAML file of the same format, or from a URDF.
 
     Args:
-        name: One of `names()`, or a path that ends in `.yaml` or `.urdf`. Primitives are read from
+        name: One of `known_names()`, or a path that ends in `.yaml` or `.urdf`. Primitives are read from
             `<name>.surface.yaml` in the same folder.
 
     Raises:
@@ -42,12 +51,12 @@ def load(name: str | Path) -> Robot:
     if path.suffix in MESH_SUFFIXES:
         raise RobotError(f"{path}: a mesh, not an arm; is it a tool? contactsense decompose {path} --as-tool")
     if path.suffix != ".yaml":
-        if str(name) not in names():
-            known = ", ".join(names())
+        if str(name) not in known_names():
+            known = ", ".join(known_names())
             raise UnknownRobotError(
                 f"unknown robot {str(name)!r}; there are {known}, or a path to .yaml or .urdf"
             )
-        return _in_package(str(name))
+        return _in_package(EQUIVALENT_MODELS.get(str(name), str(name)))
     return schema.robot(path)
 
 

@@ -23,7 +23,7 @@ COLUMNS = ("p50", "p95", "max")
 
 @click.command()
 @click.argument("meshes", type=click.Path(exists=True, file_okay=False, path_type=Path))
-@click.option("--robot", "names", multiple=True, help="Arm; may be repeated. All of the library without it.")
+@click.option("--robot", "names", multiple=True, help="Arm; may be repeated. All in MESHES without it.")
 @click.option("--links", is_flag=True, help="The fine level of each link, and why it is beyond 2 mm.")
 @options.as_json
 def geometry(meshes: Path, names: tuple[str, ...], links: bool, as_json: bool) -> None:
@@ -32,9 +32,12 @@ def geometry(meshes: Path, names: tuple[str, ...], links: bool, as_json: bool) -
     Skin that is always covered by neighbours or the mounting is excluded, and so are the primitives there.
     """
     rows: list[dict[str, Any]] = []
+    names = names or tuple(name for name in library.names() if (meshes / name).is_dir())
+    if not names:
+        raise click.ClickException(f"{meshes}: expected a folder named after an arm of the library, got none")
     measure = measure_links if links else _measure
     try:
-        for name in track(names or library.names(), console=Console(stderr=True), description="arms"):
+        for name in track(names, console=Console(stderr=True), description="arms"):
             rows += measure(library.load(name), meshes / name)
     except ImportError as error:
         raise click.ClickException(f"needs the extra packages: contactsense[geometry] ({error})") from error

@@ -14,6 +14,7 @@ from rich.table import Table
 
 from contactsense import robots as library
 from contactsense.robots import Robot, RobotError
+from contactsense.robots.library import EQUIVALENT_MODELS, in_library
 from contactsense.service.cli.joint_angles import joint_angles
 from contactsense.service.cli.picture_file import picture_file
 from contactsense.service.drawing.posture import usual_posture
@@ -60,7 +61,8 @@ def _list(arms: list[Robot]) -> None:
         table.add_column(escape(heading), justify="left" if heading == "arm" else "right")
     for arm in arms:
         entry = _summary(arm)
-        table.add_row(*(str(entry[key]) for key in ("name", "joints", "mass", "primitives", "coarse")))
+        models = ", ".join((arm.name, *entry["equivalent_models"]))
+        table.add_row(models, *(str(entry[key]) for key in ("joints", "mass", "primitives", "coarse")))
     Console().print(table)
 
 
@@ -110,6 +112,9 @@ def _draw(robot: Robot, path: Path, pose: str | None, coarse: bool) -> None:
 def _summary(robot: Robot) -> dict[str, Any]:
     return {
         "name": robot.name,
+        "equivalent_models": [
+            model for model, arm in EQUIVALENT_MODELS.items() if in_library(robot) and arm == robot.name
+        ],
         "joints": len(robot.joints),
         "mass": round(robot.mass, 3),
         "primitives": sum(len(link.primitives) for link in robot.links),

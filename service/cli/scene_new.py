@@ -91,7 +91,7 @@ def new(path: Path, force: bool, **given: Any) -> None:
     if _on_terminal():
         _ask(given)
     if given["robot"] is None:
-        known = ", ".join(robots.names())
+        known = ", ".join(robots.known_names())
         raise click.UsageError(f"--robot: expected one of {known}, or a path to .yaml or .urdf, got none")
     content = scene_content(given)
     try:
@@ -163,7 +163,7 @@ def _ask(given: dict[str, Any]) -> None:
         if given[name] is None:
             given[name] = ask_it(question, **options)
 
-    ask("robot", f"Arm ({', '.join(robots.names())}, or path of a URDF or YAML file)")
+    ask("robot", f"Arm ({', '.join(robots.known_names())}, or path of a URDF or YAML file)")
     ask(
         "mounting",
         "Mounting (table, ceiling, wall, or roll,pitch,yaw in rad)",

@@ -40,8 +40,8 @@ def make_scene(fields: Any) -> Scene:
         raise MessageError("scene.robot", "expected either robot or urdf")
     if urdf is not None:
         given["robot"] = _robot(_text("urdf", urdf), _text("surface", surface), tip)
-    elif given["robot"] not in robots.names():
-        known = ", ".join(robots.names())
+    elif given["robot"] not in robots.known_names():
+        known = ", ".join(robots.known_names())
         raise MessageError("scene.robot", f"expected one of {known}, got {given['robot']!r:.40}")
     try:
         return Scene(**given)

@@ -17,6 +17,7 @@ DH = {
     "ur5e": (0.1625, -0.425, -0.3922, 0.1333, 0.0997, 0.0996),
     "ur10e": (0.1807, -0.6127, -0.57155, 0.17415, 0.11985, 0.11655),
     "ur16e": (0.1807, -0.4784, -0.36, 0.17415, 0.11985, 0.11655),
+    "ur30": (0.2363, -0.637, -0.5037, 0.201, 0.1593, 0.1543),
     "ur20": (0.2363, -0.862, -0.7287, 0.201, 0.1593, 0.1543),
 }
 GOOD = """
@@ -65,6 +66,14 @@ def test_names_and_links() -> None:
     assert robots.load("ur5e").link_names == (
         "base", "shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3",
     )  # fmt: skip
+
+
+@pytest.mark.parametrize(("model", "arm"), [("ur7e", "ur5e"), ("ur12e", "ur10e")])
+def test_equivalent_models_are_the_arm(model: str, arm: str) -> None:
+    assert model in robots.known_names()
+    assert model not in robots.names()
+    assert robots.load(model) is robots.load(arm)
+    assert Scene(robot=model) == Scene(robot=arm)
 
 
 @pytest.mark.parametrize("name", ["ur5e", "ur10e"])

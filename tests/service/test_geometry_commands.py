@@ -31,7 +31,8 @@ def test_robots_lists_the_library() -> None:
     listed = json.loads(call("robots", "--json").stdout)
     assert [entry["name"] for entry in listed] == list(robots.names())
     table = call("robots").stdout
-    assert all(name in table for name in robots.names())
+    assert all(name in table for name in robots.known_names())
+    assert {entry["name"]: entry["equivalent_models"] for entry in listed}["ur10e"] == ["ur12e"]
 
 
 def test_robots_shows_one() -> None:
