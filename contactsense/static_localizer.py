@@ -235,10 +235,10 @@ class StaticLocalizer:
         n = len(q)
         given, links = (base_wrench, joint_torque), by_field(wrist_wrench, link_wrenches)
         usable = self._given_sensors(given, links)
-        sizes = (6, self._joints)
+        sizes, units = (6, self._joints), ("N, Nm", "Nm")
         rows = [
-            None if value is None else checked_rows(name, value, n, size, "N, Nm")
-            for name, value, size in zip(SENSORS, given, sizes, strict=True)
+            None if value is None else checked_rows(name, value, n, size, unit)
+            for name, value, size, unit in zip(SENSORS, given, sizes, units, strict=True)
         ]
         link_rows = {name: checked_rows(name, value, n, 6, "N, Nm") for name, value in links.items()}
         base, torque = rows

@@ -121,7 +121,7 @@ class SampleFields:
         return (
             q,
             q,
-            checked_vector("joint_torque", torque, self._joints, "N, Nm"),
+            checked_vector("joint_torque", torque, self._joints, "Nm"),
             checked_vector("base_wrench", base, 6, "N, Nm"),
             link_wrench,
         )

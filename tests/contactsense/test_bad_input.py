@@ -74,6 +74,7 @@ def test_what_is_no_sample_is_refused(
             {"base_wrench": [0.0, 1.0, np.nan, 0.0, 0.0, 0.0]},
             r"base_wrench: expected finite numbers, got nan at index \[2\]",
         ),
+        ({"joint_torque": [0.0] * 5}, r"joint_torque: expected shape \(6,\) in Nm, got shape \(5,\)"),
         ({"joint_torque": "strong"}, "joint_torque: expected numbers, got 'strong'"),
         ({}, "expected at least one of the two, got none"),
         ({"base_wrench": [0.0] * 6, "wrist_wrench": [0.0] * 6}, "wrist_wrench: the scene has no such sensor"),
@@ -89,6 +90,8 @@ def test_batches_must_be_of_one_length(ordinary: Localizer) -> None:
         ValueError, match=r"base_wrench: expected shape \(4, 6\) in N, Nm, got shape \(3, 6\)"
     ):
         ordinary.locate_batch(np.zeros((4, 6)), base_wrench=np.zeros((3, 6)))
+    with pytest.raises(ValueError, match=r"joint_torque: expected shape \(4, 6\) in Nm, got shape \(4, 5\)"):
+        ordinary.locate_batch(np.zeros((4, 6)), joint_torque=np.zeros((4, 5)))
 
 
 @pytest.mark.parametrize("shape", [(6, 1), (1, 6), (), (2, 3), (1,) * 9 + (6,), (6, 6)])
