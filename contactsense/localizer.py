@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from contactsense.detection.thresholds import Usable
 from contactsense.multi_contact.contact_set_builder import ContactSetBuilder, state_marginal_probabilities
 from contactsense.multi_contact.kernels import explain_contact_sets
 from contactsense.multi_contact.tracker import MultiContactTracker
@@ -22,7 +21,6 @@ from contactsense.robots.jit.direct_call import direct_call
 from contactsense.robots.jit.progress_bar import shown_compilation
 from contactsense.runtime.answer import COUNT, NUMBER, PHASE, PRIMITIVE, SENSORS
 from contactsense.runtime.block_runner import MAX_BLOCK, BlockRunner
-from contactsense.runtime.detectable import usable_code, usable_in
 from contactsense.runtime.intrinsic import batch_intrinsic, localize_intrinsic
 from contactsense.runtime.kernels import DETECTED, SCREENED, process
 from contactsense.runtime.picked_up_payload import PickedUpPayload
@@ -42,6 +40,11 @@ from contactsense.sensors.stream_state import (
 )
 from contactsense.sensors.stream_state import restart as restart_stream
 from contactsense.sensors.timing import reset_timing
+from contactsense.sensors.usable_sensors import (
+    Usable,
+    usable_residuals_code_in_python,
+    usable_sensors_in_python,
+)
 from contactsense.static_localizer import Method, StaticLocalizer
 from contactsense.tracking.contact_tracker import HOLD, NEW, NONE, SLIDE, end_contact
 from contactsense.types import Estimate, Event, EventKind, Phase, Sample
@@ -271,7 +274,7 @@ class Localizer(StaticLocalizer):
 
     def _nothing_found(self) -> list[int]:
         """As `Answer.integers`, for a sample without contact."""
-        return [-1, 0, 0, NONE, 0, usable_code(self._stream)]
+        return [-1, 0, 0, NONE, 0, usable_residuals_code_in_python(self._stream)]
 
     def _estimate_in_block(self, t: float, flags: int) -> Estimate:
         """`_estimate` for a sample whose contact has been detected only."""
@@ -286,7 +289,7 @@ class Localizer(StaticLocalizer):
 
     def _usable(self) -> Usable:
         """Which sensors can be used in the newest sample."""
-        return usable_in(self._stream)
+        return usable_sensors_in_python(self._stream)
 
     def _picked_up(self, t: float, mass: float) -> Estimate:
         """The contact was a payload, which is now part of the model: restart the observers."""
@@ -372,7 +375,9 @@ class Localizer(StaticLocalizer):
             consistency = self._buffers.state.consistency
             reason = degraded_reason(self._sample_fields.names, flags, consistency, {}, 0.0)
             return self._estimate_builder.without_contacts(t, "degraded", reason)
-        return self._estimate_builder.no_contact(t, self._detectable.after_change(usable_code(self._stream)))
+        return self._estimate_builder.no_contact(
+            t, self._detectable.after_change(usable_residuals_code_in_python(self._stream))
+        )
 
     def _warm_up(self) -> None:
         """Compile the sample path before the first sample."""

@@ -6,7 +6,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from contactsense.detection.thresholds import SampleThresholds, Usable
+from contactsense.detection.thresholds import SampleThresholds
 from contactsense.kinematics.simd_kinematics import empty_lanes
 from contactsense.multi_contact.locator import MultiContactLocator
 from contactsense.output.batch import Batch, batch_of
@@ -28,6 +28,7 @@ from contactsense.scene import Scene
 from contactsense.sensors.link_values import by_field
 from contactsense.sensors.sample_fields import SENSORS, SampleFields
 from contactsense.sensors.stream_state import Readings
+from contactsense.sensors.usable_sensors import Usable, sensor_bits_of
 from contactsense.sensors.validation import checked_rows
 from contactsense.types import Contact, Estimate
 
@@ -133,11 +134,10 @@ class StaticLocalizer:
         limits = None if links else self._detection_limits.get(usable)
         if limits is None:
             usable = self._given_sensors((base_wrench, joint_torque), links)
-            base, torque, bits = usable
             limits = (
                 self._thresholds.threshold(usable),
                 self._detectable.of_measurement(usable),
-                base + 2 * torque + 4 * bits,
+                sensor_bits_of(usable),
             )
             self._detection_limits[usable] = limits
         look_for_sets = contacts != 1 or bool(known)

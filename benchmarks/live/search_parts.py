@@ -17,12 +17,12 @@ from contactsense import Localizer
 from contactsense.benchmarks import options
 from contactsense.benchmarks.accuracy.static_cases import COLUMNS, SENSORS, Noise, measured, scene_of
 from contactsense.benchmarks.accuracy.static_points import StaticPoints, read
-from contactsense.detection.thresholds import Usable
 from contactsense.localization.line_distance import moment_variance
 from contactsense.localization.ranking import LINE_OF_ACTION_DEVIATION
 from contactsense.robots.jit.kernel import kernel
 from contactsense.runtime.buffers import Buffers, buffer_views
 from contactsense.runtime.explanation import Measured, isolate_links, take_static_sample
+from contactsense.sensors.usable_sensors import Usable
 
 REPETITIONS = 5
 """The fastest of these counts: the others were interrupted more often."""

@@ -12,11 +12,10 @@ from contactsense.detection.false_alarm_rate import onset_threshold, release_thr
 from contactsense.residuals.residual_ewma import RELATIVE_BANDWIDTH
 from contactsense.robots.jit.kernel import kernel
 from contactsense.scene import Scene
+from contactsense.sensors.usable_sensors import Usable
 
 LONGEST_STEP_MS = 20
 """For longer sample times the thresholds are those of this one [ms]."""
-Usable = tuple[bool, bool, int]
-"""Whether base wrench and joint torques are used, and which link sensors, one bit each."""
 
 
 def degrees_of_freedom_of(joints: int, usable: Usable) -> int:

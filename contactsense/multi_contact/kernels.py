@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 
-from contactsense.detection.thresholds import Usable
 from contactsense.localization.ranking import place_primitives
 from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
 from contactsense.multi_contact.buffers import MultiContactBuffers
@@ -17,6 +16,7 @@ from contactsense.runtime.buffers import Buffers, buffer_views
 from contactsense.runtime.candidate_rows import MIN_PROBABILITY, CandidateRow, write_row
 from contactsense.runtime.no_contact_hypothesis import update_covariances
 from contactsense.runtime.residual_update import residual_variance_ratio
+from contactsense.sensors.usable_sensors import Usable
 
 
 @kernel

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contactsense.detection.thresholds import Usable
 from contactsense.multi_contact.buffers import (
     MAX_CONTACTS,
     MAX_EXPLANATIONS,
@@ -21,6 +20,7 @@ from contactsense.robots.surface.signed_distance_grid import Skin
 from contactsense.runtime.buffers import Buffers, KernelBuffers
 from contactsense.runtime.result_rows import WIDTH
 from contactsense.scene import Scene
+from contactsense.sensors.usable_sensors import Usable
 from contactsense.types import Contact, Estimate
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense.detection.false_alarm_rate import sample_threshold
-from contactsense.detection.thresholds import Usable, degrees_of_freedom_of
+from contactsense.detection.thresholds import degrees_of_freedom_of
 from contactsense.multi_contact.locator import MultiContactLocator
 from contactsense.multi_contact.tracked_contacts import (
     TrackedContact,
@@ -16,6 +16,7 @@ from contactsense.multi_contact.tracked_contacts import (
 )
 from contactsense.runtime.buffers import KernelBuffers
 from contactsense.scene import Scene
+from contactsense.sensors.usable_sensors import Usable
 
 FORCE_DRIFT = 2.0
 """Standard deviation of the change of each force component between two priors [N]."""

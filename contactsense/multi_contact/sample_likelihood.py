@@ -10,7 +10,6 @@ import math
 
 import numpy as np
 
-from contactsense.detection.thresholds import Usable
 from contactsense.kinematics.model import Motion
 from contactsense.kinematics.spatial import Six
 from contactsense.localization.surface_samples import SurfaceSamples
@@ -31,6 +30,7 @@ from contactsense.multi_contact.seed_samples import SeedSamples
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.vectors import norm
+from contactsense.sensors.usable_sensors import Usable
 
 RATIO_FACTOR = 2.0
 """Factor on the friction ratio of the prior in seeding, to allow for its heavy tail."""

@@ -17,7 +17,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contactsense.detection.thresholds import Usable
 from contactsense.multi_contact.candidate_hypotheses import candidate_hypotheses
 from contactsense.multi_contact.contact_set_builder import ContactSetBuilder
 from contactsense.multi_contact.locator import MultiContactLocator
@@ -32,6 +31,7 @@ from contactsense.multi_contact.tracked_contacts import TrackedContact
 from contactsense.runtime.buffers import KernelBuffers
 from contactsense.runtime.result_rows import PROBABILITY
 from contactsense.scene import Scene
+from contactsense.sensors.usable_sensors import Usable
 from contactsense.tracking.contact_tracker import NEW, NEW_TIME_CONSTANTS, restart_windows
 from contactsense.types import Estimate, Event, Phase
 

@@ -16,7 +16,7 @@ from contactsense.runtime.result_rows import PRIMITIVE as PRIMITIVE_COLUMN
 COUNT, LINK, PRIMITIVE, PHASE, NUMBER, SENSORS = range(6)
 """Indices of `Answer.integers`: number of candidates; link and primitive (among the link's own) of the first.
 For a stream also phase and number of its contact, and which residuals were usable, see
-`contactsense.sensors.stream_state.usable_sensors_code`."""
+`contactsense.sensors.usable_sensors.usable_residuals_code`."""
 
 
 class Answer(NamedTuple):

@@ -15,7 +15,8 @@ from contactsense.robots.surface.signed_distance_grid import Skin
 from contactsense.runtime.buffers import Buffers, buffer_views
 from contactsense.runtime.newest_sample import localize
 from contactsense.runtime.simd_samples import detect_in_lane, fill_lanes
-from contactsense.sensors.stream_state import REPEATED, RESTARTED, TOUCHED, UNUSABLE, usable_sensors
+from contactsense.sensors.stream_state import REPEATED, RESTARTED, TOUCHED, UNUSABLE
+from contactsense.sensors.usable_sensors import usable_sensors
 
 BlockInputs: TypeAlias = tuple[
     np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray

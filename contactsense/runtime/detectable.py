@@ -7,7 +7,6 @@ import numpy as np
 from contactsense.detection.detectable_force import detectable_force, detected_length
 from contactsense.detection.thresholds import (
     SampleThresholds,
-    Usable,
     degrees_of_freedom_of,
     sensor_set,
     threshold_index,
@@ -15,7 +14,12 @@ from contactsense.detection.thresholds import (
 from contactsense.robots.jit.declaration import numbers
 from contactsense.runtime.constants import Constants
 from contactsense.runtime.state import State
-from contactsense.sensors.stream_state import BASE, LINK, TORQUE, StreamState
+from contactsense.sensors.stream_state import BASE
+from contactsense.sensors.usable_sensors import (
+    Usable,
+    usable_residuals_code_in_python,
+    usable_sensors_in_python,
+)
 
 _INTERVAL = 64
 """Number of samples for which the value of a stream is kept: biases and noise change slowly."""
@@ -60,7 +64,7 @@ class DetectableForce:
 
     def after_change(self, sensors: int) -> float:
         """The same where a sensor may have failed since: never older than the set of usable sensors, of which
-        `sensors` is the code, see `usable_code`."""
+        `sensors` is the code, see `usable_residuals_code_in_python`."""
         if self.left > 0 and sensors == self._sensors:
             self.left -= 1
             return self.value
@@ -78,7 +82,7 @@ class DetectableForce:
 
     def _update(self) -> float:
         stream, sensors = self._state.stream, self._constants.sensors
-        self._sensors, usable = usable_code(stream), usable_in(stream)
+        self._sensors, usable = usable_residuals_code_in_python(stream), usable_sensors_in_python(stream)
         key = (sensor_set(*usable), threshold_index(self._usual_step[0]))
         if key not in self._lengths:
             degrees = degrees_of_freedom_of(self._constants.model.joints, usable)
@@ -99,21 +103,3 @@ class DetectableForce:
             if usable[2] >> s & 1 and self._seeing[s]
         ]
         return length * math.sqrt(min(variances)) if variances else math.inf
-
-
-def usable_in(stream: StreamState) -> Usable:
-    """`contactsense.sensors.stream_state.usable_sensors` without the cost of calling a kernel from Python."""
-    usable = stream.usable.tolist()
-    links = 0
-    for s in range(len(stream.link_wrench)):
-        if usable[LINK + s] > 0:
-            links += 1 << s
-    return usable[BASE] > 0, usable[TORQUE] > 0, links
-
-
-def usable_code(stream: StreamState) -> int:
-    """`contactsense.sensors.stream_state.usable_sensors_code`, likewise."""
-    code = 0
-    for usable in stream.usable.tolist():
-        code = 2 * code + usable
-    return int(code)

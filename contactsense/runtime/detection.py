@@ -26,9 +26,8 @@ from contactsense.sensors.stream_state import (
     SETTLING,
     TORQUE,
     TOUCHED,
-    usable_sensors,
-    usable_sensors_code,
 )
+from contactsense.sensors.usable_sensors import usable_residuals_code, usable_sensors
 from contactsense.tracking.contact_tracker import NONE, end_contact
 from contactsense.tracking.resumed_contact import release_contact
 
@@ -79,7 +78,7 @@ def decide(constants: Constants, state: State, bandwidth: float) -> Decision:
     ewma_energy = 0.0
     if thresholds[2] < math.inf:
         update_ewma(
-            state.ewma, state.observers, variance_ratio, usable_sensors_code(stream), stream.clock[0].step,
+            state.ewma, state.observers, variance_ratio, usable_residuals_code(stream), stream.clock[0].step,
             bandwidth,
         )  # fmt: skip
         ewma_energy = energy_of_ewma(constants, state, has_torque, link_sensors)

@@ -4,7 +4,6 @@ from typing import TypeAlias
 
 import numpy as np
 
-from contactsense.detection.thresholds import Usable
 from contactsense.isolation.link_hypotheses import isolate
 from contactsense.kinematics.momenta import kinematics_and_momenta
 from contactsense.kinematics.spatial import dot6
@@ -22,6 +21,7 @@ from contactsense.runtime.no_contact_hypothesis import update_covariances
 from contactsense.runtime.residual_update import update_link_sensors
 from contactsense.runtime.sensor_rows import fill_rows
 from contactsense.runtime.state import State
+from contactsense.sensors.usable_sensors import Usable
 
 Measured: TypeAlias = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 """Joint positions [rad] and torques [Nm], shape (n,), base wrench (6,) and wrenches on the link sensors (S,

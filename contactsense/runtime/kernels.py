@@ -6,7 +6,6 @@ from typing import TypeAlias
 
 import numpy as np
 
-from contactsense.detection.thresholds import Usable
 from contactsense.kinematics.simd_kinematics import kinematics_in_lanes, motion_of_lane
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import kernel, nogil_kernel
@@ -31,6 +30,7 @@ from contactsense.sensors.stream_state import (
     register_sample,
     store_sample,
 )
+from contactsense.sensors.usable_sensors import Usable, sensors_in
 from contactsense.tracking.contact_tracker import end_contact
 
 GATE, SCREENED, DETECTED, AT_REST, EXTERNAL, CHECKED, DETECT_ONLY = 1, 2, 4, 8, 16, 32, 64
@@ -63,7 +63,7 @@ def process(
         options: See `GATE`.
         t: Time of the sample [s]; of a measurement, `threshold` of
             `contactsense.runtime.explanation.explain_sample`.
-        sensor_bits: Which sensors have a value, see `contactsense.sensors.stream_state.register_sample`.
+        sensor_bits: Which sensors have a value, see `contactsense.sensors.usable_sensors.sensor_bits_of`.
         readings: See `contactsense.sensors.stream_state.Readings`; any values for a sensor without a value,
             and for the velocities of a measurement.
 
@@ -115,7 +115,7 @@ def _explain_measurement(
     """`process` for a measurement of an arm at rest."""
     constants, state = buffer_views(buffers)
     q, _, torque, base_wrench, link_wrench = readings
-    usable = (sensor_bits & 1 != 0, sensor_bits & 2 != 0, sensor_bits >> 2)
+    usable = sensors_in(sensor_bits)
     unusable: int = take_measurement(
         constants,
         state,

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 
-from contactsense.detection.thresholds import Usable
 from contactsense.robots.jit.kernel import inlined_kernel, kernel
 from contactsense.runtime.constants import Constants
 from contactsense.runtime.explanation import Measured, take_static_sample
@@ -16,6 +15,7 @@ from contactsense.runtime.reading_limits import (
     is_contact_wrench,
 )
 from contactsense.runtime.state import State
+from contactsense.sensors.usable_sensors import Usable
 
 NOT_FINITE, DOUBTFUL, UNTOUCHED = -1, -2, -3
 """Why a measurement has no candidates: its values cannot be used, may be implausible, or show no contact."""

@@ -24,7 +24,7 @@ from contactsense.runtime.result_rows import (
     TORSION,
 )
 from contactsense.runtime.state import State
-from contactsense.sensors.stream_state import usable_sensors, usable_sensors_code
+from contactsense.sensors.usable_sensors import usable_residuals_code, usable_sensors
 from contactsense.tracking.contact_tracker import NONE, average_windows, choose_window, update_phase
 from contactsense.tracking.resumed_contact import add_to_links, number_contact
 from contactsense.tracking.sliding import extrapolate_sliding
@@ -48,7 +48,7 @@ def localize(
     """
     constants, state = buffer_views(buffers)
     track, stream, bandwidth = state.track, state.stream, constants.bandwidth
-    answer, sensors = state.answer, usable_sensors_code(stream)
+    answer, sensors = state.answer, usable_residuals_code(stream)
     rows = answer.rows
     dt, begins = stream.clock[0].step, track.status[0].phase == NONE
     state.bias_filter.status[0].time_since_contact = 0.0

@@ -12,6 +12,7 @@ from contactsense.robots.jit.declaration import Floats
 from contactsense.robots.jit.kernel import inlined_kernel
 from contactsense.scene import Scene
 from contactsense.sensors.settings import WrenchSensor
+from contactsense.sensors.usable_sensors import sensors_in
 
 ONE_TURN = 2.0 * math.pi
 """Positions may be this far beyond the joint's limits [rad]: controllers count turns differently."""
@@ -110,12 +111,13 @@ def is_sample_plausible(
     Args:
         limits: Of the scene.
         q, torque, base_wrench: As in `contactsense.types.Sample`.
-        sensor_bits: Which sensors have a value, see `contactsense.sensors.stream_state.register_sample`.
+        sensor_bits: Which sensors have a value, see `contactsense.sensors.usable_sensors.sensor_bits_of`.
     """
+    has_base, has_torque, _ = sensors_in(sensor_bits)
     return (
         are_positions_within(limits, q)
-        and (sensor_bits & 2 == 0 or are_torques_within(limits, torque, TORQUE_SCALE))
-        and (sensor_bits & 1 == 0 or not is_range_known(limits) or is_within_range(limits, base_wrench))
+        and (not has_torque or are_torques_within(limits, torque, TORQUE_SCALE))
+        and (not has_base or not is_range_known(limits) or is_within_range(limits, base_wrench))
     )
 
 

@@ -192,22 +192,3 @@ def _has_plausible_value(stream: StreamState, sensor: int) -> bool:
     if sensor == 1:
         return bool(_is_plausible(stream.torque))
     return bool(_is_plausible(stream.link_wrench[sensor - 2]))
-
-
-@kernel
-def usable_sensors(stream: StreamState) -> tuple[bool, bool, int]:
-    """Whether base wrench and torques can be used, and which link sensors, one bit each."""
-    link_sensors = 0
-    for s in range(stream.link_wrench.shape[0]):
-        if stream.usable[LINK + s] > 0:
-            link_sensors |= 1 << s
-    return stream.usable[BASE] > 0, stream.usable[TORQUE] > 0, link_sensors
-
-
-@kernel
-def usable_sensors_code(stream: StreamState) -> int:
-    """A number that identifies the set of usable residuals."""
-    code = 0
-    for i in range(stream.usable.shape[0]):
-        code = 2 * code + stream.usable[i]
-    return code

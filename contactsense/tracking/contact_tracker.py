@@ -149,7 +149,7 @@ def average_windows(
         ewma: Of the stream, with this sample where the contact is sustained.
         observers: Of the stream.
         variance_ratio: Variance of their residuals over that of one sample's white noise.
-        sensors: Code of the usable sensors, see `contactsense.sensors.stream_state.usable_sensors_code`.
+        sensors: Code of the usable sensors, see `contactsense.sensors.usable_sensors.usable_residuals_code`.
         dt: Time since the last sample [s].
         bandwidth: Cut-off frequency of the observers [Hz].
     """
