@@ -36,7 +36,7 @@ WIDTH), and the probability of each link, shape (N, links)."""
 def detect_and_localize_block(
     buffers: Buffers,
     skin: Skin,
-    settings: tuple[float, bool, int],
+    settings: tuple[bool, int],
     stop_at_touch: bool,
     first: int,
     samples: BlockInputs,
@@ -47,8 +47,7 @@ def detect_and_localize_block(
 
     Args:
         buffers, skin: As for `contactsense.runtime.newest_sample.localize`.
-        settings: Cut-off frequency of the observers [Hz]; `gate` as for `localize`; mask of the flags that
-            can be set for samples of this scene.
+        settings: `gate` as for `localize`; mask of the flags that can be set for samples of this scene.
         stop_at_touch: Return after the first sample that touches, ends a contact or restarts the stream;
             `localize` is not called.
         first: Sample to begin with.
@@ -60,7 +59,7 @@ def detect_and_localize_block(
         Number of the sample after the last one that was taken, negative where `stop_at_touch` ended it.
     """
     constants, state = buffer_views(buffers)
-    bandwidth, gate, relevant = settings
+    gate, relevant = settings
     t, sensor_bits, q, qd, torque, base_wrench, link_wrench = samples
     flags, phases, residuals, listed, best, link_probability = out
     n = state.torque.shape[0]
@@ -71,7 +70,7 @@ def detect_and_localize_block(
             first_lane = i
             fill_lanes(constants, state, i, q, qd, torque, base_wrench, lanes)
         found = relevant & detect_in_lane(
-            constants, state, bandwidth, lanes, i - first_lane, t[i], sensor_bits[i],
+            constants, state, lanes, i - first_lane, t[i], sensor_bits[i],
             (q[i], qd[i], torque[i], base_wrench[i], link_wrench[i]),
         )  # fmt: skip
         if state.bias_filter.status[0].time_since_update == 0.0:

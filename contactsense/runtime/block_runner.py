@@ -55,7 +55,7 @@ class BlockRunner:
     def run(
         self,
         parts: tuple[Buffers, Skin],
-        settings: tuple[float, bool, int],
+        settings: tuple[bool, int],
         block: SampleBlock,
         estimate: Callable[[float, int], Estimate] | None,
     ) -> BlockEstimates:
@@ -63,7 +63,7 @@ class BlockRunner:
 
         Args:
             parts: Buffers and skin, as arguments of the kernel.
-            settings: Bandwidth [Hz], whether the link is chosen first, mask of the relevant flags.
+            settings: Whether the link is chosen first, mask of the relevant flags.
             block: The samples.
             estimate: Called with time and flags of each sample with a contact or its end, if that needs more
                 than the kernel; None if the kernel does everything.

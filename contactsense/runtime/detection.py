@@ -57,15 +57,14 @@ class Decision(NamedTuple):
 
 
 @inlined_kernel
-def decide(constants: Constants, state: State, bandwidth: float) -> Decision:
+def decide(constants: Constants, state: State) -> Decision:
     """Decide by the energy of the no-contact hypothesis, which is stored in `State.statistics`.
 
     Args:
         constants, state: After the residuals were advanced by this sample.
-        bandwidth: Cut-off frequency of the observers [Hz].
     """
     track, stream = state.track, state.stream
-    follow_noise_and_timing(constants, state, bandwidth)
+    follow_noise_and_timing(constants, state)
     base_settled, torque_settled = stream.usable[BASE] > 0, stream.usable[TORQUE] > 0
     exclude_inconsistent(state.consistency, stream.usable)
     has_base, has_torque, link_sensors = usable_sensors(stream)
@@ -79,7 +78,7 @@ def decide(constants: Constants, state: State, bandwidth: float) -> Decision:
     if thresholds[2] < math.inf:
         update_ewma(
             state.ewma, state.observers, variance_ratio, usable_residuals_code(stream), stream.clock[0].step,
-            bandwidth,
+            constants.bandwidth,
         )  # fmt: skip
         ewma_energy = energy_of_ewma(constants, state, has_torque, link_sensors)
     energy = energy_without_contact(constants, state, has_base, has_torque, link_sensors, variance_ratio)
@@ -87,7 +86,7 @@ def decide(constants: Constants, state: State, bandwidth: float) -> Decision:
     if not has_base:
         energy = max(
             energy,
-            energy_at_rest(constants, state, variance_ratio, (thresholds[0], thresholds[1]), bandwidth),
+            energy_at_rest(constants, state, variance_ratio, (thresholds[0], thresholds[1])),
         )
     state.statistics[NO_CONTACT] = energy
     status = track.status[0]
@@ -115,7 +114,7 @@ def decide(constants: Constants, state: State, bandwidth: float) -> Decision:
 
 
 @inlined_kernel
-def conclude(constants: Constants, state: State, flags: int, decision: Decision, bandwidth: float) -> int:
+def conclude(constants: Constants, state: State, flags: int, decision: Decision) -> int:
     """Update the monitor of the sensors, and without a contact the bias filter.
 
     Args:
@@ -123,7 +122,6 @@ def conclude(constants: Constants, state: State, flags: int, decision: Decision,
             is due, `State.motion` is read.
         flags: Flags of the sample so far.
         decision: Of `decide`.
-        bandwidth: Cut-off frequency of the observers [Hz].
 
     Returns:
         All flags of the sample.
@@ -151,5 +149,5 @@ def conclude(constants: Constants, state: State, flags: int, decision: Decision,
         track.status[0].above_onset = True
     else:
         has_base, has_torque, _ = usable_sensors(stream)
-        update_bias_filter(constants, state, has_base, has_torque, variance_ratio, bandwidth)
+        update_bias_filter(constants, state, has_base, has_torque, variance_ratio)
     return flags

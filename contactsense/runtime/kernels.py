@@ -90,21 +90,21 @@ def detect(buffers: Buffers, t: float, sensor_bits: int, readings: Readings, scr
     Arguments and result as for `process`.
     """
     constants, state = buffer_views(buffers)
-    stream, bandwidth = state.stream, constants.bandwidth
+    stream = state.stream
     if not store_sample(stream, readings):
         return WRONG_SIZE
     if not screened and not is_sample_plausible(
         constants.limits, stream.q, stream.torque, stream.base_wrench, sensor_bits
     ):
         return SUSPECT
-    flags: int = register_sample(stream, t, sensor_bits, bandwidth)
+    flags: int = register_sample(stream, t, sensor_bits, constants.bandwidth)
     if flags & (REPEATED | UNUSABLE):
         return flags
     if flags & RESTARTED:
         end_contact(state.track)
-    update_residuals(constants, state, bandwidth)
-    decision = decide(constants, state, bandwidth)
-    concluded: int = conclude(constants, state, flags, decision, bandwidth)
+    update_residuals(constants, state)
+    decision = decide(constants, state)
+    concluded: int = conclude(constants, state, flags, decision)
     return concluded
 
 

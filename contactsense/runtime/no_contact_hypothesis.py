@@ -160,14 +160,13 @@ def energy_at_rest(
     state: State,
     variance_ratio: float,
     thresholds: tuple[float, float],
-    bandwidth: float,
 ) -> float:
     """Energy of the no-contact hypothesis from the change of the torques since the arm came to rest
     (`contactsense.residuals.friction_at_rest`).
 
     Args:
         constants, state: After `update_residuals` for this sample.
-        variance_ratio, thresholds, bandwidth: As for `energy_beyond_static_friction`.
+        variance_ratio, thresholds: As for `energy_beyond_static_friction`.
     """
     energy: float = energy_beyond_static_friction(
         state.friction_at_rest,
@@ -182,7 +181,7 @@ def energy_at_rest(
         state.stream.steps[TORQUE],
         state.track.status[0].phase != NONE,
         thresholds,
-        bandwidth,
+        constants.bandwidth,
     )
     return energy
 
@@ -194,7 +193,6 @@ def update_bias_filter(
     has_base: bool,
     has_torque: bool,
     variance_ratio: float,
-    bandwidth: float,
 ) -> None:
     """Update sensor biases and link masses from the residuals in free motion.
 
@@ -205,9 +203,8 @@ def update_bias_filter(
         constants, state: After `update_residuals` and `energy_without_contact` for this sample.
         has_base, has_torque: Which residuals can be used.
         variance_ratio: Variance of the residuals over that of one sample's noise.
-        bandwidth: Cut-off frequency of the observers [Hz].
     """
-    bias_filter, n = state.bias_filter, state.torque.shape[0]
+    bias_filter, n, bandwidth = state.bias_filter, state.torque.shape[0], constants.bandwidth
     if not update_is_due(bias_filter, bandwidth):
         return
     K = 2.0 * math.pi * bandwidth

@@ -46,9 +46,9 @@ def update_link_sensors(constants: Constants, state: State) -> None:
 
 
 @inlined_kernel
-def observe_link_sensors(state: State, bandwidth: float) -> None:
+def observe_link_sensors(constants: Constants, state: State) -> None:
     """Advance the observers of the link sensors by the newest sample, after `update_link_sensors`."""
-    stream, count = state.stream, state.link_load.shape[0]
+    stream, count, bandwidth = state.stream, state.link_load.shape[0], constants.bandwidth
     for s in range(count):
         load, wrench = state.link_load[s], stream.link_wrench[s]
         step, difference_step = stream.steps[LINK + s], stream.steps[LINK + count + s]
@@ -74,19 +74,14 @@ def predict_link_sensors(constants: Constants, state: State) -> None:
 
 
 @inlined_kernel
-def update_residuals(
-    constants: Constants,
-    state: State,
-    bandwidth: float,
-) -> None:
+def update_residuals(constants: Constants, state: State) -> None:
     """Advance the observers by the newest sample of a stream; the arm may move.
 
     Args:
         constants, state: The scene's constants, and the state after
             `contactsense.sensors.stream_state.register_sample`. The residuals are stored in `state`.
-        bandwidth: Cut-off frequency [Hz].
     """
-    motion, stream = state.motion, state.stream
+    motion, stream, bandwidth = state.motion, state.stream, constants.bandwidth
     model, torque_model, unbiased_wrench = state.model, state.torque_model, state.unbiased_wrench
     qd, torque, steps = stream.qd, stream.torque, stream.steps
     kinematics_and_momenta(model, stream.q, qd, constants.gravity, motion)
@@ -107,7 +102,7 @@ def update_residuals(
         state.stream_unmodelled_std,
         state.bias_filter.friction_regressor,
     )
-    observe_link_sensors(state, bandwidth)
+    observe_link_sensors(constants, state)
     predict(
         state.bias_filter,
         torque_model,
@@ -134,15 +129,14 @@ def set_residuals(state: State) -> None:
 
 
 @inlined_kernel
-def follow_noise_and_timing(constants: Constants, state: State, bandwidth: float) -> None:
+def follow_noise_and_timing(constants: Constants, state: State) -> None:
     """Update what the newest sample tells of the sensors' noise, and the errors due to its instant, to the
     acceleration and to friction. A single measurement may have replaced them since the sample before.
 
     Args:
         constants, state: After the observers were advanced by this sample.
-        bandwidth: Cut-off frequency of the observers [Hz].
     """
-    noise_scale, stream = state.noise_scale, state.stream
+    noise_scale, stream, bandwidth = state.noise_scale, state.stream, constants.bandwidth
     follow_noise(
         noise_scale,
         BASE,

@@ -66,7 +66,6 @@ def fill_lanes(
 def detect_in_lane(
     constants: Constants,
     state: State,
-    bandwidth: float,
     lanes: np.ndarray,
     lane: int,
     t: float,
@@ -76,7 +75,7 @@ def detect_in_lane(
     """As `contactsense.runtime.kernels.detect`, for the sample of one lane."""
     stream = state.stream
     store_sample(stream, readings)
-    flags: int = register_sample(stream, t, sensor_bits, bandwidth)
+    flags: int = register_sample(stream, t, sensor_bits, constants.bandwidth)
     if flags & (REPEATED | UNUSABLE):
         return flags
     if flags & RESTARTED:
@@ -88,15 +87,15 @@ def detect_in_lane(
     )
     if copied:
         _copy_motion(constants, state, lanes, lane)
-    _update_residuals(constants, state, bandwidth, lanes, lane)
-    decision = decide(constants, state, bandwidth)
+    _update_residuals(constants, state, lanes, lane)
+    decision = decide(constants, state)
     if (
         decision.touched
         or consistency_is_due(state.consistency, stream.clock[0].step)
-        or bias_update_is_due(state.bias_filter, bandwidth)
+        or bias_update_is_due(state.bias_filter, constants.bandwidth)
     ) and not copied:
         _copy_motion(constants, state, lanes, lane)
-    concluded: int = conclude(constants, state, flags, decision, bandwidth)
+    concluded: int = conclude(constants, state, flags, decision)
     return concluded
 
 
@@ -117,11 +116,10 @@ def _has_link_sensor(state: State) -> bool:
 
 
 @inlined_kernel
-def _update_residuals(
-    constants: Constants, state: State, bandwidth: float, lanes: np.ndarray, lane: int
-) -> None:
+def _update_residuals(constants: Constants, state: State, lanes: np.ndarray, lane: int) -> None:
     """As `contactsense.runtime.residual_update.update_residuals`."""
     motion, stream, steps = state.motion, state.stream, state.stream.steps
+    bandwidth = constants.bandwidth
     base, joints, difference = state.observers.base, state.observers.joints, state.observers.torque_difference
     of_base, of_joints, of_difference = start_steps(state.observers, steps, bandwidth)
     if steps[BASE] >= 0.0:
@@ -134,7 +132,7 @@ def _update_residuals(
         advance_torque_difference(lanes, lane, of_difference, difference)
     for i in range(6):
         state.unbiased_wrench[i] = stream.base_wrench[i] - state.bias_filter.bias[i]
-    observe_link_sensors(state, bandwidth)
+    observe_link_sensors(constants, state)
     predict(
         state.bias_filter, state.torque_model, motion, constants.sensors.base_covariance,
         constants.sensors.torque_variance, constants.bias_rate, stream.clock[0].step, bandwidth,
