@@ -64,7 +64,6 @@ def _observe(
     bandwidth: float,
     joint_observer: MomentumObserver,
     base_observer: MomentumObserver,
-    scratch: np.ndarray,
     out: np.ndarray,
 ) -> None:
     motion, n = arm.motion, joints.q.shape[1]
@@ -72,10 +71,7 @@ def _observe(
         dt, qd = time_step(joints.t, i), joints.qd[i]
         kinematics_and_momenta(arm.model, joints.q[i], qd, arm.gravity, motion)
         if torque.shape[0] > 0:
-            observe_joints(
-                arm.model, arm.torque_model, motion, qd, torque[i], dt, bandwidth, joint_observer,
-                scratch[0], scratch[1],
-            )  # fmt: skip
+            observe_joints(arm.model, arm.torque_model, motion, qd, torque[i], dt, bandwidth, joint_observer)
             copy(joint_observer.residual, out[i, :n])
         if wrench.shape[0] > 0:
             observe_wrench(motion.momentum[0], motion.gravity[0], wrench[i], dt, bandwidth, base_observer)
@@ -101,7 +97,7 @@ def residuals(arm: CalibrationModel, recording: FreeMotion, bandwidth: float) ->
     _observe(
         Dynamics(arm.model, arm.torque_model, arm.gravity, empty_motion(n)),
         JointMotion(recording.t, recording.q, recording.qd),
-        torque, wrench, bandwidth, empty_observer(n), empty_observer(6), np.zeros((2, n)), out,
+        torque, wrench, bandwidth, empty_observer(n), empty_observer(6), out,
     )  # fmt: skip
     return out
 
@@ -138,7 +134,6 @@ def _follow_momenta(
     observer: MomentumObserver,
     timing_error: TimingError,
     inertia_torque: InertiaTorque,
-    scratch: np.ndarray,
     out: np.ndarray,
 ) -> None:
     motion = arm.motion
@@ -146,9 +141,7 @@ def _follow_momenta(
         dt, qd = time_step(joints.t, i), joints.qd[i]
         kinematics_and_momenta(arm.model, joints.q[i], qd, arm.gravity, motion)
         # The torque does not matter: only the momenta of the observer are used.
-        observe_joints(
-            arm.model, arm.torque_model, motion, qd, qd, dt, bandwidth, observer, scratch[0], scratch[1]
-        )
+        observe_joints(arm.model, arm.torque_model, motion, qd, qd, dt, bandwidth, observer)
         advance_timing_error(timing_error, observer.momentum, dt, bandwidth)
         follow_inertia_torque(inertia_torque, timing_error.rate, dt, bandwidth)
         copy(timing_error.variance, out[0, i])
@@ -167,7 +160,7 @@ def timing_variance_and_inertia_torque(
     _follow_momenta(
         Dynamics(arm.model, arm.torque_model, arm.gravity, empty_motion(n)),
         JointMotion(recording.t, recording.q, recording.qd), bandwidth, empty_observer(n),
-        zeros(TimingError, joints=n), zeros(InertiaTorque, joints=n), np.zeros((2, n)), out,
+        zeros(TimingError, joints=n), zeros(InertiaTorque, joints=n), out,
     )  # fmt: skip
     return out[0], out[1]
 

@@ -24,40 +24,6 @@ from contactsense.residuals.observers import Observers
 from contactsense.robots.jit.kernel import inlined_kernel, kernel
 
 
-@kernel
-def observe_joints(
-    model: Model,
-    torque_model: JointTorqueModel,
-    motion: Motion,
-    qd: np.ndarray,
-    torque: np.ndarray,
-    dt: float,
-    bandwidth: float,
-    state: MomentumObserver,
-    unmodelled_std: np.ndarray,
-    friction: np.ndarray,
-) -> None:
-    """Advance the residuals of the joint torques by one sample.
-
-    Args:
-        model, motion: The arm, and its motion after `contactsense.kinematics.momenta.kinematics_and_momenta`
-            for this sample.
-        torque_model: Contents of the joint torque signal.
-        qd: Joint velocities, shape (n,) [rad/s].
-        torque: Torque of each actuator, shape (n,) [Nm].
-        dt: Time since the last sample [s]; 0 restarts.
-        bandwidth: Cut-off frequency [Hz].
-        state: Changed in place, n equations.
-        unmodelled_std: Changed in place: standard deviation of each residual's model error, shape (n,) [Nm].
-        friction: Changed in place: friction of each joint, low-passed as the residual is, shape (n,) [Nm].
-    """
-    step = start_step(state, dt, bandwidth)
-    for j in range(qd.shape[0]):
-        found = _joint_equation(model, torque_model, motion, qd, torque, j)
-        advance(state, j, found.momentum, found.drift, step)
-        follow_errors(j, found.std, found.friction, step, dt, unmodelled_std, friction)
-
-
 class JointEquation(NamedTuple):
     """The equation of one joint torque at one sample."""
 
@@ -95,8 +61,16 @@ def follow_errors(
     low_passed_std: np.ndarray,
     low_passed_friction: np.ndarray,
 ) -> None:
-    """Low-pass model error and friction of joint j as its residual is; `dt` as for `observe_joints`, whose
-    last two arguments are changed here."""
+    """Low-pass model error and friction of joint j as its residual is.
+
+    Args:
+        j: The joint.
+        std: Standard deviation of its model error [Nm].
+        friction: Its friction torque [Nm].
+        step: As for `contactsense.residuals.momentum_observer.advance`.
+        dt: Time since the last torques [s].
+        low_passed_std, low_passed_friction: Changed in place, shape (n,) [Nm].
+    """
     a = step[0] if dt > 0.0 else 0.0
     low_passed_std[j] = std + a * (low_passed_std[j] - std)
     low_passed_friction[j] = friction + a * (low_passed_friction[j] - friction)
@@ -106,6 +80,7 @@ def follow_errors(
 def _advance_difference(
     state: MomentumObserver, j: int, found: JointEquation, motion: Motion, wrench: np.ndarray, step: Step
 ) -> None:
+    """Advance the difference of joint j's torque, whose equation is `found`, to that of the base wrench."""
     s, H, G = motion.screw[j], motion.momentum[0], motion.gravity[0]
     h = found.momentum - dot6(s, H)
     drift = found.drift - (dot6(motion.screw_rate[j], H) + dot6(s, G) - dot6(s, wrench))
@@ -124,16 +99,21 @@ def advance_torques(
     unmodelled_std: np.ndarray,
     friction: np.ndarray,
 ) -> None:
-    """`observe_joints` and `observe_torque_difference` in one pass, for steps that have been started.
+    """Advance by one sample the residual of each joint torque, s_j . w_ext, and that of its difference to the
+    torque that the base wrench predicts, s_j . w_ext - s_j . y_ext.
 
     Args:
-        model, torque_model, motion, unmodelled_std, friction: As for `observe_joints`.
-        readings: Velocities and torques, as there, and the wrench on the base sensor, as for
-            `observe_base_in_link_frames`.
-        dt: Time since the last torques, and since the last sample with both [s]; negative: none in this
-            sample.
+        model, motion: The arm, and its motion after `contactsense.kinematics.momenta.kinematics_and_momenta`
+            for this sample.
+        torque_model: Contents of the joint torque signal.
+        readings: Joint velocities, shape (n,) [rad/s]; torque of each actuator, shape (n,) [Nm]; wrench of
+            the arm on the base sensor, base axes, base origin, shape (6,) [N, Nm].
+        dt: Time since the last torques, and since the last sample with both sensors [s]; 0 restarts,
+            negative: no value in this sample.
         steps: For the same two, see `contactsense.residuals.observers.start_steps`.
         observers: `joints` and `torque_difference` are changed in place.
+        unmodelled_std: Changed in place: standard deviation of each residual's model error, shape (n,) [Nm].
+        friction: Changed in place: friction of each joint, low-passed as the residual is, shape (n,) [Nm].
     """
     qd, torque, wrench = readings
     if dt[0] < 0.0:
@@ -144,6 +124,33 @@ def advance_torques(
         follow_errors(j, found.std, found.friction, steps[0], dt[0], unmodelled_std, friction)
         if dt[1] >= 0.0:
             _advance_difference(observers.torque_difference, j, found, motion, wrench, steps[1])
+
+
+@kernel
+def observe_joints(
+    model: Model,
+    torque_model: JointTorqueModel,
+    motion: Motion,
+    qd: np.ndarray,
+    torque: np.ndarray,
+    dt: float,
+    bandwidth: float,
+    state: MomentumObserver,
+) -> None:
+    """Advance the residuals of the joint torques alone by one sample.
+
+    Args:
+        model, torque_model, motion: As for `advance_torques`.
+        qd: Joint velocities, shape (n,) [rad/s].
+        torque: Torque of each actuator, shape (n,) [Nm].
+        dt: Time since the last sample [s]; 0 restarts.
+        bandwidth: Cut-off frequency [Hz].
+        state: Changed in place, n equations.
+    """
+    step = start_step(state, dt, bandwidth)
+    for j in range(qd.shape[0]):
+        found = _joint_equation(model, torque_model, motion, qd, torque, j)
+        advance(state, j, found.momentum, found.drift, step)
 
 
 @kernel
@@ -170,25 +177,16 @@ def observe_wrench(
         advance(state, i, momentum[i], gravity[i] - wrench[i], step)
 
 
-@kernel
-def observe_base_in_link_frames(
-    motion: Motion, wrench: np.ndarray, dt: float, bandwidth: float, state: MomentumObserver
-) -> None:
+@inlined_kernel
+def advance_base(motion: Motion, wrench: np.ndarray, step: Step, state: MomentumObserver) -> None:
     """Advance the residual of the base sensor by one sample, in the frame of every body.
 
     Args:
         motion: After `contactsense.kinematics.momenta.kinematics_and_momenta` for this sample.
         wrench: Wrench of the arm on the base sensor, base axes, base origin, shape (6,) [N, Nm].
-        dt: Time since the last sample [s]; 0 restarts.
-        bandwidth: Cut-off frequency [Hz].
+        step: See `contactsense.residuals.observers.start_steps`.
         state: Changed in place, six equations per body, base first.
     """
-    advance_base(motion, wrench, start_step(state, dt, bandwidth), state)
-
-
-@inlined_kernel
-def advance_base(motion: Motion, wrench: np.ndarray, step: Step, state: MomentumObserver) -> None:
-    """`observe_base_in_link_frames` for a step that has been started."""
     H, G = motion.momentum[0], motion.gravity[0]
     hx, hy, hz, lx, ly, lz = H[0], H[1], H[2], H[3], H[4], H[5]
     for body in range(motion.rotation.shape[0]):
@@ -255,33 +253,6 @@ def wrench_difference(
     out[3] += o[1] * out[2] - o[2] * out[1]
     out[4] += o[2] * out[0] - o[0] * out[2]
     out[5] += o[0] * out[1] - o[1] * out[0]
-
-
-@kernel
-def observe_torque_difference(
-    model: Model,
-    torque_model: JointTorqueModel,
-    motion: Motion,
-    qd: np.ndarray,
-    torque: np.ndarray,
-    wrench: np.ndarray,
-    dt: float,
-    bandwidth: float,
-    state: MomentumObserver,
-) -> None:
-    """Advance by one sample the residual of each joint torque minus the torque that the base wrench predicts.
-
-    Args:
-        model, torque_model, motion, qd, torque: As for `observe_joints`.
-        wrench: As for `observe_base_in_link_frames`.
-        dt: Time since the last sample with both sensors [s]; 0 restarts.
-        bandwidth: Cut-off frequency [Hz].
-        state: Changed in place, n equations: low-passed s_j . w_ext - s_j . y_ext.
-    """
-    step = start_step(state, dt, bandwidth)
-    for j in range(qd.shape[0]):
-        found = _joint_equation(model, torque_model, motion, qd, torque, j)
-        _advance_difference(state, j, found, motion, wrench, step)
 
 
 @kernel

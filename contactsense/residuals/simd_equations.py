@@ -83,7 +83,7 @@ def equations_in_lanes(
 
 @kernel
 def _base_equations(body: np.ndarray) -> None:
-    """As `contactsense.residuals.equations_of_motion.observe_base_in_link_frames` for one body."""
+    """As `contactsense.residuals.equations_of_motion.advance_base` for one body."""
     for k in range(LANES):
         hx, hy, hz = body[TOTAL0 + k], body[TOTAL1 + k], body[TOTAL2 + k]
         lx, ly, lz = body[TOTAL3 + k], body[TOTAL4 + k], body[TOTAL5 + k]
@@ -117,8 +117,7 @@ def _base_equations(body: np.ndarray) -> None:
 
 @kernel
 def _joint_equations(model: Model, torque_model: JointTorqueModel, j: int, body: np.ndarray) -> None:
-    """As `observe_joints` and `observe_torque_difference` of `contactsense.residuals.equations_of_motion` for
-    one joint."""
+    """As `contactsense.residuals.equations_of_motion.advance_torques` for one joint."""
     inertia, gravity, bias, rotor = (
         torque_model.inertia, torque_model.gravity, torque_model.bias[j], model.rotor_inertia[j],
     )  # fmt: skip
@@ -183,7 +182,7 @@ def advance_joints(
     friction: np.ndarray,
 ) -> None:
     """The same for the joint torques, and for the error of their model and their friction, see
-    `contactsense.residuals.equations_of_motion.observe_joints`; `dt`: time since the last sample [s]."""
+    `contactsense.residuals.equations_of_motion.advance_torques`; `dt`: time since the last sample [s]."""
     for j in range(unmodelled_std.shape[0]):
         values = block(lanes, (j + 1) * BODY + lane, (BODY,))
         advance(state, j, values[JOINT_MOMENTUM], values[JOINT_DRIFT], step)

@@ -8,16 +8,15 @@ from contactsense.kinematics.model import Model, build_model, empty_motion
 from contactsense.kinematics.momenta import kinematics_and_momenta
 from contactsense.residuals.bias_filter import BiasFilter, predict, restart
 from contactsense.residuals.equations_of_motion import (
-    observe_base_in_link_frames,
-    observe_joints,
-    observe_torque_difference,
+    advance_base,
+    advance_torques,
     observe_wrench,
     observe_wrench_difference,
 )
 from contactsense.residuals.joint_friction import joint_torque_model
 from contactsense.residuals.model_correction import MIN_RELATIVE_CHANGE, apply_correction
 from contactsense.residuals.momentum_observer import MomentumObserver
-from contactsense.residuals.observers import Observers
+from contactsense.residuals.observers import Observers, start_steps
 from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.sensors.settings import Friction
 
@@ -59,11 +58,12 @@ class Arm:
             found, time = self.observers, (dt, BANDWIDTH)
             wrench = self.wrench - self.filter.bias
             load = self.motion.momentum[FIRST_BODY], self.motion.gravity[FIRST_BODY]
-            signals = self.model, self.drive, self.motion, self.qd, self.torque
-            friction = self.filter.friction_regressor
-            observe_joints(*signals, *time, found.joints, self.spread, friction)
-            observe_torque_difference(*signals, wrench, *time, found.torque_difference)
-            observe_base_in_link_frames(self.motion, wrench, *time, found.base)
+            of_base, of_joints, of_difference = start_steps(found, np.full(3, dt), BANDWIDTH)
+            advance_base(self.motion, wrench, of_base, found.base)
+            advance_torques(
+                self.model, self.drive, self.motion, (self.qd, self.torque, wrench), (dt, dt),
+                (of_joints, of_difference), found, self.spread, self.filter.friction_regressor,
+            )  # fmt: skip
             observe_wrench(*load, self.link, *time, only(found.links))
             difference = only(found.link_difference)
             observe_wrench_difference(self.motion, *load, self.link, wrench, *time, difference)

@@ -12,9 +12,8 @@ from contactsense.kinematics.inverse_dynamics import inverse_dynamics
 from contactsense.kinematics.model import build_model, empty_motion
 from contactsense.kinematics.momenta import kinematics_and_momenta
 from contactsense.residuals.equations_of_motion import (
-    observe_base_in_link_frames,
-    observe_joints,
-    observe_torque_difference,
+    advance_base,
+    advance_torques,
     observe_wrench,
     wrenches_to_base_frame,
 )
@@ -25,6 +24,8 @@ from contactsense.residuals.momentum_observer import (
     noise_variance_ratio,
     start_step,
 )
+from contactsense.residuals.observers import Observers, start_steps
+from contactsense.robots.jit.flat_buffers import zeros
 
 MODEL = build_model(robots.load("ur5e"))
 DRIVE = joint_torque_model(JointTorqueSensor(), 6)
@@ -54,7 +55,7 @@ class _Residuals(NamedTuple):
 
 def _follow(times: np.ndarray, noise: np.ndarray | None = None, push: bool = True) -> _Residuals:
     """What the observers say after all samples; `noise`: of base wrench, then torques, shape (N, 12)."""
-    joints, bodies, match = empty_observer(6), empty_observer(42), empty_observer(6)
+    observers = zeros(Observers, joints=6, link_sensors=0)
     torque, reading, motion, spread = np.empty(6), np.empty(6), empty_motion(6), np.zeros((2, 6))
     last = times[0]
     for i, t in enumerate(times):
@@ -67,9 +68,11 @@ def _follow(times: np.ndarray, noise: np.ndarray | None = None, push: bool = Tru
             reading += noise[i, :6]
             torque += noise[i, 6:]
         dt, last = t - last, t
-        observe_joints(MODEL, DRIVE, motion, qd, torque, dt, BANDWIDTH, joints, spread[0], spread[1])
-        observe_base_in_link_frames(motion, reading, dt, BANDWIDTH, bodies)
-        observe_torque_difference(MODEL, DRIVE, motion, qd, torque, reading, dt, BANDWIDTH, match)
+        of_base, *of_torques = start_steps(observers, np.full(3, dt), BANDWIDTH)
+        advance_base(motion, reading, of_base, observers.base)
+        readings, steps = (qd, torque, reading), (of_torques[0], of_torques[1])
+        advance_torques(MODEL, DRIVE, motion, readings, (dt, dt), steps, observers, spread[0], spread[1])
+    joints, bodies, match = observers.joints, observers.base, observers.torque_difference
     return _Residuals(joints.residual, bodies.residual, match.residual)
 
 
