@@ -57,7 +57,6 @@ def follow_errors(
     std: float,
     friction: float,
     step: Step,
-    dt: float,
     low_passed_std: np.ndarray,
     low_passed_friction: np.ndarray,
 ) -> None:
@@ -68,12 +67,10 @@ def follow_errors(
         std: Standard deviation of its model error [Nm].
         friction: Its friction torque [Nm].
         step: As for `contactsense.residuals.momentum_observer.advance`.
-        dt: Time since the last torques [s].
         low_passed_std, low_passed_friction: Changed in place, shape (n,) [Nm].
     """
-    a = step[0] if dt > 0.0 else 0.0
-    low_passed_std[j] = std + a * (low_passed_std[j] - std)
-    low_passed_friction[j] = friction + a * (low_passed_friction[j] - friction)
+    low_passed_std[j] = std + step.a * (low_passed_std[j] - std)
+    low_passed_friction[j] = friction + step.a * (low_passed_friction[j] - friction)
 
 
 @inlined_kernel
@@ -121,7 +118,7 @@ def advance_torques(
     for j in range(qd.shape[0]):
         found = _joint_equation(model, torque_model, motion, qd, torque, j)
         advance(observers.joints, j, found.momentum, found.drift, steps[0])
-        follow_errors(j, found.std, found.friction, steps[0], dt[0], unmodelled_std, friction)
+        follow_errors(j, found.std, found.friction, steps[0], unmodelled_std, friction)
         if dt[1] >= 0.0:
             _advance_difference(observers.torque_difference, j, found, motion, wrench, steps[1])
 

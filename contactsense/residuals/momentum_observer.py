@@ -18,7 +18,7 @@ well.
 """
 
 import math
-from typing import Annotated, Any, NamedTuple, TypeAlias
+from typing import Annotated, Any, NamedTuple
 
 from contactsense.robots.jit.declaration import Floats, Records, record
 from contactsense.robots.jit.flat_buffers import zeros
@@ -88,9 +88,21 @@ def noise_variance_ratio(bandwidth: float, dt: float) -> float:
     return state.history[0].variance_ratio
 
 
-Step: TypeAlias = tuple[float, float, float, float, float, float]
-"""What `start_step` gives to `advance`: a, and K dt times the weights of g at the new sample and the three
-before it; and K [1/s]."""
+class Step(NamedTuple):
+    """What `start_step` gives to `advance`, the same for all equations of a group."""
+
+    a: float
+    """Factor by which the residual decays in the step."""
+    b0: float
+    """K dt times the weight of g at the new sample; 0 restarts ..."""
+    b1: float
+    """... and at the last sample ..."""
+    b2: float
+    """... and at the one before ..."""
+    b3: float
+    """... and at the one before that."""
+    K: float
+    """[1/s]"""
 
 
 @kernel
@@ -123,7 +135,7 @@ def start_step(state: MomentumObserver, dt: float, bandwidth: float) -> Step:
         history.samples = 1
         history.step, history.step_before, history.variance_ratio = 0.0, 0.0, 0.0
         history.covariance_0, history.covariance_1, history.covariance_2 = 0.0, 0.0, 0.0
-        return 0.0, 0.0, 0.0, 0.0, 0.0, K
+        return Step(0.0, 0.0, 0.0, 0.0, 0.0, K)
     k = K * dt
     a = math.exp(-k)
     m0, m1, m2, m3 = _moments(k)
@@ -158,7 +170,7 @@ def start_step(state: MomentumObserver, dt: float, bandwidth: float) -> Step:
     history.samples += 1
     history.step_before = history.step
     history.step = dt
-    return a, b0, b1, b2, b3, K
+    return Step(a, b0, b1, b2, b3, K)
 
 
 @inlined_kernel

@@ -48,7 +48,7 @@ def start_steps(observers: Observers, steps: np.ndarray, bandwidth: float) -> tu
     # Sensors that came with the same samples need the weights of a step once.
     joints_alike = steps[TORQUE] == dt and in_step(joints, base)
     difference_alike = steps[TORQUE_DIFFERENCE] == dt and in_step(difference, base)
-    of_base = of_joints = of_difference = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    of_base = of_joints = of_difference = Step(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     if dt >= 0.0:
         of_base = start_step(base, dt, bandwidth)
     if steps[TORQUE] >= 0.0:

@@ -9,7 +9,7 @@ import numpy as np
 from contactsense.kinematics.model import Model
 from contactsense.residuals.equations_of_motion import follow_errors
 from contactsense.residuals.joint_friction import JointTorqueModel, friction_torque, unmodelled_torque_std
-from contactsense.residuals.momentum_observer import MomentumObserver, advance
+from contactsense.residuals.momentum_observer import MomentumObserver, Step, advance
 from contactsense.robots.jit.array_views import block
 from contactsense.robots.jit.kernel import inlined_kernel, kernel
 from contactsense.robots.jit.lanes import LANES
@@ -159,7 +159,7 @@ def _joint_equations(model: Model, torque_model: JointTorqueModel, j: int, body:
 def advance_base(
     lanes: np.ndarray,
     lane: int,
-    step: tuple[float, float, float, float, float, float],
+    step: Step,
     state: MomentumObserver,
 ) -> None:
     """Advance the residual of the base sensor in the frame of every body by the sample of a lane; `step` as
@@ -175,25 +175,24 @@ def advance_base(
 def advance_joints(
     lanes: np.ndarray,
     lane: int,
-    dt: float,
-    step: tuple[float, float, float, float, float, float],
+    step: Step,
     state: MomentumObserver,
     unmodelled_std: np.ndarray,
     friction: np.ndarray,
 ) -> None:
     """The same for the joint torques, and for the error of their model and their friction, see
-    `contactsense.residuals.equations_of_motion.advance_torques`; `dt`: time since the last sample [s]."""
+    `contactsense.residuals.equations_of_motion.advance_torques`."""
     for j in range(unmodelled_std.shape[0]):
         values = block(lanes, (j + 1) * BODY + lane, (BODY,))
         advance(state, j, values[JOINT_MOMENTUM], values[JOINT_DRIFT], step)
-        follow_errors(j, values[MODEL_STD], values[FRICTION], step, dt, unmodelled_std, friction)
+        follow_errors(j, values[MODEL_STD], values[FRICTION], step, unmodelled_std, friction)
 
 
 @inlined_kernel
 def advance_torque_difference(
     lanes: np.ndarray,
     lane: int,
-    step: tuple[float, float, float, float, float, float],
+    step: Step,
     state: MomentumObserver,
 ) -> None:
     """The same for the differences of torques and base wrench."""

@@ -127,7 +127,7 @@ def _update_residuals(constants: Constants, state: State, lanes: np.ndarray, lan
     if steps[TORQUE] >= 0.0:
         friction = state.bias_filter.friction_regressor
         std = state.stream_unmodelled_std
-        advance_joints(lanes, lane, steps[TORQUE], of_joints, joints, std, friction)
+        advance_joints(lanes, lane, of_joints, joints, std, friction)
     if steps[TORQUE_DIFFERENCE] >= 0.0:
         advance_torque_difference(lanes, lane, of_difference, difference)
     for i in range(6):
