@@ -25,7 +25,6 @@ from contactsense.calibration import Calibration, FreeMotion, Settings, Suspecte
 from contactsense.calibration.calibration_model import CalibrationModel
 from contactsense.calibration.parameters import Group
 from contactsense.calibration.recording_residuals import residuals, settled_samples
-from contactsense.residuals.sensor_consistency import NO_CONTACT
 from contactsense.robots.tool import Tool
 from contactsense.service.sensors.signal_mapping import torque_constants
 
@@ -194,7 +193,7 @@ def _stream_energies(scene: Scene, recording: FreeMotion) -> tuple[np.ndarray, l
     localizer, energy, onsets = Localizer(scene), np.zeros(len(recording.t)), []
     for i, t in enumerate(recording.t):
         estimate = localizer.step(Sample(float(t), recording.q[i], recording.qd[i], recording.torque[i]))
-        energy[i] = localizer._buffers.state.statistics[NO_CONTACT]
+        energy[i] = localizer._buffers.state.no_contact_energy[0]
         onsets += [event.t for event in estimate.events if event.kind == "onset"]
     return np.minimum(energy, np.concatenate(([0.0], energy[:-1]))), onsets
 

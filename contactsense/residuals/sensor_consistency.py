@@ -14,10 +14,10 @@ import numpy as np
 
 from contactsense.robots.jit.declaration import Floats, Records, record
 from contactsense.robots.jit.kernel import kernel
+from contactsense.sensors.stream_state import BASE, TORQUE
 
-BASE, TORQUE, AGREEMENT, FORCE, NO_CONTACT = 0, 1, 2, 3, 4
-"""Indices of `State.statistics`; the last is the energy of the no-contact hypothesis, on which detection
-depends."""
+AGREEMENT, FORCE = 2, 3
+"""Indices of `State.statistics` behind those of the two sensors, `BASE` and `TORQUE`."""
 UPDATE_PERIOD = 0.02
 """Period of the monitor; residuals are low-passed anyway [s]."""
 AVERAGING_TIME = 2.0

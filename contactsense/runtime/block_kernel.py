@@ -7,7 +7,6 @@ from typing import TypeAlias
 import numpy as np
 
 from contactsense.residuals.bias_filter import friction_above_scene
-from contactsense.residuals.sensor_consistency import NO_CONTACT
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.jit.lanes import LANES
@@ -84,7 +83,7 @@ def detect_and_localize_block(
                 row[k] = math.nan
         else:
             scale = state.stream.clock[0].variance_ratio
-            row[0] = state.statistics[NO_CONTACT]
+            row[0] = state.no_contact_energy[0]
             for k in range(3):
                 row[1 + k] = state.consistency.mean_statistic[k]
             for k in range(6):

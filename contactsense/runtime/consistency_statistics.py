@@ -4,10 +4,11 @@ import math
 
 from contactsense.kinematics.linalg.ldl import half_squared_norm
 from contactsense.kinematics.spatial import dot6
-from contactsense.residuals.sensor_consistency import AGREEMENT, BASE, FORCE, TORQUE
+from contactsense.residuals.sensor_consistency import AGREEMENT, FORCE
 from contactsense.robots.jit.kernel import inlined_kernel
 from contactsense.runtime.constants import Constants
 from contactsense.runtime.state import State
+from contactsense.sensors.stream_state import BASE, TORQUE
 
 
 @inlined_kernel

@@ -6,7 +6,7 @@ from typing import NamedTuple
 from contactsense.detection.thresholds import sensor_set, threshold_index
 from contactsense.residuals.friction_at_rest import reset_friction_at_rest
 from contactsense.residuals.residual_ewma import restart_ewma, update_ewma
-from contactsense.residuals.sensor_consistency import NO_CONTACT, exclude_inconsistent, update_consistency
+from contactsense.residuals.sensor_consistency import exclude_inconsistent, update_consistency
 from contactsense.residuals.sensor_consistency import update_is_due as consistency_is_due
 from contactsense.robots.jit.kernel import inlined_kernel
 from contactsense.runtime.consistency_statistics import consistency_statistics
@@ -58,7 +58,7 @@ class Decision(NamedTuple):
 
 @inlined_kernel
 def decide(constants: Constants, state: State) -> Decision:
-    """Decide by the energy of the no-contact hypothesis, which is stored in `State.statistics`.
+    """Decide by the energy of the no-contact hypothesis, which is stored in `State`.
 
     Args:
         constants, state: After the residuals were advanced by this sample.
@@ -88,7 +88,7 @@ def decide(constants: Constants, state: State) -> Decision:
             energy,
             energy_at_rest(constants, state, variance_ratio, (thresholds[0], thresholds[1])),
         )
-    state.statistics[NO_CONTACT] = energy
+    state.no_contact_energy[0] = energy
     status = track.status[0]
     above_threshold, no_contact_yet = not energy <= thresholds[0], status.phase == NONE
     may_ring = status.time_since_end <= RINGING_TIME

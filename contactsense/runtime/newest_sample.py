@@ -4,7 +4,6 @@ import numpy as np
 
 from contactsense.residuals.equations_of_motion import wrench_difference
 from contactsense.residuals.observers import first_link_wrench, first_torque
-from contactsense.residuals.sensor_consistency import NO_CONTACT
 from contactsense.robots.jit.array_views import block
 from contactsense.robots.jit.kernel import inlined_kernel, kernel
 from contactsense.robots.surface.signed_distance_grid import Skin
@@ -73,7 +72,7 @@ def localize(
     listed, _ = explain_sample(buffers, skin, usable, track.variance_ratio[window], gate, -1.0, rows)
     if begins:
         number_contact(track, constants.link_prior, state.link_probability, bandwidth)
-    add_to_links(track, state.statistics[NO_CONTACT], state.link_probability)
+    add_to_links(track, state.no_contact_energy[0], state.link_probability)
     if listed > 0:
         if has_base:
             _extrapolate_sliding(constants, state, rows[0])

@@ -99,8 +99,10 @@ class State(NamedTuple):
     """The part of it that is due to the masses that `bias_filter` estimates."""
     rows: Annotated[SensorRows, Sized(rows="joints + 6 * link_sensors")]
     """What joint torques and link sensors give to the link hypotheses."""
-    statistics: Annotated[Floats, "5"]
-    """Statistics of the residuals, see `contactsense.runtime.consistency_statistics`."""
+    no_contact_energy: Annotated[Floats, "1"]
+    """Energy of the no-contact hypothesis for the newest sample of the stream, on which detection depends."""
+    statistics: Annotated[Floats, "4"]
+    """What the sensor consistency monitor watches, see `contactsense.runtime.consistency_statistics`."""
     zero_velocity: Annotated[Floats, "joints"]
     """Zero joint velocities."""
     candidate_links: Annotated[Integers, "links"]
