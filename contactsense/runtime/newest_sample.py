@@ -69,7 +69,7 @@ def localize(
     else:
         use_residuals(state)
     usable = (has_base, has_torque, link_sensors)
-    listed, _ = explain_sample(buffers, skin, usable, track.variance_ratio[window], gate, -1.0, rows)
+    listed, _ = explain_sample(buffers, skin, usable, track.windows[window].variance_ratio, gate, -1.0, rows)
     if begins:
         number_contact(track, constants.link_prior, state.link_probability, bandwidth)
     add_to_links(track, state.no_contact_energy[0], state.link_probability)
@@ -139,7 +139,7 @@ def _update_to_newest(constants: Constants, state: State, window: int, rows: np.
         row[TORSION] += dot(normal, subtract(moment, cross(point, force)))
         if k == 0:
             wrench, covariance = state.hypotheses.wrench[link], state.hypotheses.covariance[link]
-            covariance_factor = track.variance_ratio[0] / track.variance_ratio[window]
+            covariance_factor = track.windows[0].variance_ratio / track.windows[window].variance_ratio
             for i in range(6):
                 wrench[i] += wrench_change[i]
                 for j in range(6):

@@ -86,7 +86,7 @@ class PickedUpPayload:
     def _mean_wrench(self) -> tuple[np.ndarray, np.ndarray]:
         """Recent mean wrench on the base sensor, base axes, and its covariance."""
         track = self._state.track
-        noise = track.variance_ratio[_WINDOW] * self._constants.sensors.base_covariance
+        noise = track.windows[_WINDOW].variance_ratio * self._constants.sensors.base_covariance
         return track.mean[_WINDOW, _BASE_WRENCH].copy(), noise + self._state.bias_filter.base_covariance
 
     def _is_payload(self, wrench: np.ndarray, covariance: np.ndarray, force: float) -> bool:

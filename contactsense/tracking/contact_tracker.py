@@ -83,26 +83,39 @@ class ContactStatus:
     """Time since the last contact ended [s]; infinite if it cannot resume."""
 
 
+@record
+class Window:
+    """Content of one window, and where the line of action of its mean meets the tangent plane at the point of
+    the last estimate."""
+
+    samples: float
+    """Number of samples in it."""
+    variance_ratio: float
+    """Variance of its mean over that of one sample's white noise."""
+    residual_covariance: float
+    """Covariance of its mean with the newest residual, in the same unit."""
+    age: float
+    """Mean age of its content, the observer's lag included [s]."""
+    x: float
+    """Position along the first tangent from the last point [m]."""
+    y: float
+    """Along the second one [m]."""
+    normal_force: float
+    """Force along the outward normal, negative where it pushes [N]."""
+    noise_to_force: float
+    """`variance_ratio` over the square of the normal force [1/N^2]."""
+
+
 class ContactTrack(NamedTuple):
     """State of the current contact."""
 
     mean: Annotated[Floats, f"{WINDOWS}, 6 * (joints + 1) + 2 * joints + 12 * link_sensors"]
     """Window means of the residuals, see `contactsense.residuals.observers.concatenate_residuals`."""
-    variance_ratio: Annotated[Floats, f"{WINDOWS}"]
-    """Variance of each window's mean over that of one sample's white noise."""
-    residual_covariance: Annotated[Floats, f"{WINDOWS}"]
-    """Covariance of each mean with the newest residual, in the same unit."""
-    samples: Annotated[Floats, f"{WINDOWS}"]
-    """Number of samples in each window."""
-    age: Annotated[Floats, f"{WINDOWS}"]
-    """Mean age of the content of each window, the observer's lag included [s]."""
+    windows: Annotated[Records[Window], f"{WINDOWS}"]
     last_point: Annotated[Floats, "3"]
     """Point of the last estimate, in the frame of its body [m]."""
     last_normal: Annotated[Floats, "3"]
     """Its outward normal, in the same frame."""
-    window_point: Annotated[Floats, f"{WINDOWS}, 4"]
-    """Scratch: each window's point in the tangent plane [m], its normal force [N], and its variance ratio
-    over the square of that [1/N^2]."""
     moment_covariance: Annotated[Floats, "3"]
     """Scratch: covariance of the moment about the last point, tangential components, as xx, xy, yy."""
     link_weight: Annotated[Floats, "links"]
@@ -124,11 +137,12 @@ def end_contact(track: ContactTrack) -> None:
 def restart_windows(track: ContactTrack) -> None:
     """Restart all windows from the newest residual and forget the links, after a change of contact."""
     track.link_weight[:] = 0.0
+    newest = track.windows[0]
     for i in range(1, WINDOWS):
         copy(track.mean[0], track.mean[i])
-        track.variance_ratio[i] = track.variance_ratio[0]
-        track.residual_covariance[i] = track.residual_covariance[0]
-        track.samples[i] = 1.0
+        window = track.windows[i]
+        window.variance_ratio, window.residual_covariance = newest.variance_ratio, newest.residual_covariance
+        window.samples = 1.0
 
 
 @kernel
@@ -153,44 +167,42 @@ def average_windows(
         dt: Time since the last sample [s].
         bandwidth: Cut-off frequency of the observers [Hz].
     """
-    residual = track.mean[0]
+    residual, newest = track.mean[0], track.windows[0]
     concatenate_residuals(residual, observers)
-    track.variance_ratio[0] = variance_ratio
-    track.residual_covariance[0] = variance_ratio
+    newest.variance_ratio = newest.residual_covariance = variance_ratio
     K = 2.0 * math.pi * bandwidth
-    track.age[0] = 1.0 / K
+    newest.age = 1.0 / K
     status = track.status[0]
     restart = status.phase == NONE or status.sensors != sensors
     status.sensors = sensors
     decay = math.exp(-K * dt)
     length = WINDOW_GROWTH / K
     for i in range(1, WINDOWS):
+        window = track.windows[i]
         if restart and status.sustained:
             average = ewma.status[0]
             copy(ewma.mean, track.mean[i])
-            track.variance_ratio[i] = average.variance_ratio
-            track.residual_covariance[i] = average.residual_covariance
-            track.samples[i], track.age[i] = average.samples, average.age
+            window.variance_ratio = average.variance_ratio
+            window.residual_covariance = average.residual_covariance
+            window.samples, window.age = average.samples, average.age
             continue
         if restart:
             copy(residual, track.mean[i])
-            track.variance_ratio[i] = variance_ratio
-            track.residual_covariance[i] = variance_ratio
-            track.samples[i] = 1.0
-            track.age[i] = track.age[0]
+            window.variance_ratio = window.residual_covariance = variance_ratio
+            window.samples, window.age = 1.0, newest.age
             continue
-        track.samples[i] += 1.0
-        weight = 1.0 / track.samples[i]
+        window.samples += 1.0
+        weight = 1.0 / window.samples
         if i < WINDOWS - 1:
             weight = max(weight, min(dt / length, 1.0))
             length *= WINDOW_GROWTH
         mean = track.mean[i]
         for k in range(residual.shape[0]):
             mean[k] += weight * (residual[k] - mean[k])
-        track.variance_ratio[i], track.residual_covariance[i] = average_noise(
-            track.variance_ratio[i], track.residual_covariance[i], variance_ratio, weight, decay
+        window.variance_ratio, window.residual_covariance = average_noise(
+            window.variance_ratio, window.residual_covariance, variance_ratio, weight, decay
         )
-        track.age[i] = (1.0 - weight) * (track.age[i] + dt) + weight * track.age[0]
+        window.age = (1.0 - weight) * (window.age + dt) + weight * newest.age
 
 
 @kernel
@@ -231,11 +243,9 @@ def choose_window(
                 continue
             max_samples = WINDOW_GROWTH**longest / (2.0 * math.pi * bandwidth * max(dt, 1e-9))
             copy(track.mean[longest], track.mean[i])
-            track.variance_ratio[i] = track.variance_ratio[longest]
-            track.residual_covariance[i] = track.residual_covariance[longest]
-            track.age[i] = track.age[longest]
-            track.samples[i] = min(max(track.samples[longest], 1.0), max_samples) if longest > 0 else 1.0
-            copy(track.window_point[longest], track.window_point[i])
+            track.windows[i] = track.windows[longest]
+            samples = min(max(track.windows[longest].samples, 1.0), max_samples) if longest > 0 else 1.0
+            track.windows[i].samples = samples
         elif max_distance <= agreement and longest == i - 1:
             longest = i
     status.window = _most_precise_window(track, longest) if has_base else longest
@@ -246,20 +256,22 @@ def choose_window(
 def _is_ending(track: ContactTrack) -> bool:
     """Whether the force falls so fast that what the observers have not followed yet moves the position: in
     the newest window it is much less than in the next one."""
-    return bool(track.window_point[0, 2] > ENDING_SHARE * track.window_point[1, 2])
+    # Both are negative.
+    return bool(track.windows[0].normal_force > ENDING_SHARE * track.windows[1].normal_force)
 
 
 @kernel
 def _most_precise_window(track: ContactTrack, longest_window: int) -> int:
     """The window up to `longest_window`, all of which agree, whose mean gives the most precise position."""
     best = 0
-    if track.window_point[0, 2] < 0.0:
+    if track.windows[0].normal_force < 0.0:
         for i in range(1, longest_window + 1):
-            normal_force, best_force = track.window_point[i, 2], track.window_point[best, 2]
+            window, other = track.windows[i], track.windows[best]
+            normal_force, best_force = window.normal_force, other.normal_force
             if (
                 normal_force < 0.0
-                and track.variance_ratio[i] * best_force * best_force
-                <= track.variance_ratio[best] * normal_force * normal_force
+                and window.variance_ratio * best_force * best_force
+                <= other.variance_ratio * normal_force * normal_force
             ):
                 best = i
     return best
@@ -289,16 +301,16 @@ def _window_positions(track: ContactTrack) -> None:
     index = 6 * track.status[0].last_body
     ax, ay, az, bx, by, bz = tangents(nx, ny, nz)
     for i in range(WINDOWS):
-        w, point = track.mean[i], track.window_point[i]
+        w, window = track.mean[i], track.windows[i]
         fx, fy, fz = w[index], w[index + 1], w[index + 2]
         rx = w[index + 3] - cy * fz + cz * fy
         ry = w[index + 4] - cz * fx + cx * fz
         rz = w[index + 5] - cx * fy + cy * fx
         normal_force = fx * nx + fy * ny + fz * nz
-        point[0] = -(bx * rx + by * ry + bz * rz) / normal_force
-        point[1] = (ax * rx + ay * ry + az * rz) / normal_force
-        point[2] = normal_force
-        point[3] = track.variance_ratio[i] / (normal_force * normal_force)
+        window.x = -(bx * rx + by * ry + bz * rz) / normal_force
+        window.y = (ax * rx + ay * ry + az * rz) / normal_force
+        window.normal_force = normal_force
+        window.noise_to_force = window.variance_ratio / (normal_force * normal_force)
 
 
 @kernel
@@ -342,14 +354,14 @@ def _moment_row(
 def _position_distance(track: ContactTrack, i: int, j: int) -> float:
     """Distance between the positions of two windows, in the unit of `AGREE`; the noise is that of the less
     precise one."""
-    first, second = track.window_point[i], track.window_point[j]
-    if not second[2] < 0.0 or not first[2] < 0.0:
+    first, second = track.windows[i], track.windows[j]
+    if not second.normal_force < 0.0 or not first.normal_force < 0.0:
         return 0.5 * (AGREE + DISAGREE)  # no force into the surface: the position is undefined
-    weight = max(second[3], first[3])
+    weight = max(second.noise_to_force, first.noise_to_force)
     xx = weight * track.moment_covariance[0] + POSITION_TOLERANCE * POSITION_TOLERANCE
     xy = weight * track.moment_covariance[1]
     yy = weight * track.moment_covariance[2] + POSITION_TOLERANCE * POSITION_TOLERANCE
-    dx, dy = first[0] - second[0], first[1] - second[1]
+    dx, dy = first.x - second.x, first.y - second.y
     squared_distance = (yy * dx * dx - 2.0 * xy * dx * dy + xx * dy * dy) / (xx * yy - xy * xy)
     return float(0.5 * (squared_distance - 2.0))
 
@@ -362,7 +374,7 @@ def _torque_distance(sensors: SensorModel, track: ContactTrack, i: int, j: int) 
     squared_distance = 0.0
     for k in range(n):
         d = track.mean[i, index + k] - track.mean[j, index + k]
-        squared_distance += d * d / (sensors.torque_variance[k] * track.variance_ratio[j])
+        squared_distance += d * d / (sensors.torque_variance[k] * track.windows[j].variance_ratio)
     return float((squared_distance - n) / math.sqrt(2.0 * n))
 
 

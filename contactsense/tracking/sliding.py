@@ -40,22 +40,18 @@ def extrapolate_sliding(
     i = status.window
     if status.phase != SLIDE or status.last_body != body or i + 1 >= WINDOWS:
         return
-    age_difference = track.age[i + 1] - track.age[i]
-    normal_force = track.window_point[i, 2]
-    if (
-        age_difference < _MIN_AGE_RATIO * track.age[i]
-        or not normal_force < 0.0
-        or not track.window_point[i + 1, 2] < 0.0
-    ):
+    newer, older = track.windows[i], track.windows[i + 1]
+    age_difference, normal_force = older.age - newer.age, newer.normal_force
+    if age_difference < _MIN_AGE_RATIO * newer.age or not normal_force < 0.0 or not older.normal_force < 0.0:
         return
-    lead = track.age[i] / age_difference
-    a = lead * (track.window_point[i, 0] - track.window_point[i + 1, 0])
-    b = lead * (track.window_point[i, 1] - track.window_point[i + 1, 1])
+    lead = newer.age / age_difference
+    a = lead * (newer.x - older.x)
+    b = lead * (newer.y - older.y)
     squared_distance = a * a + b * b
     noise = (
         lead
         * lead
-        * track.variance_ratio[i]
+        * newer.variance_ratio
         * (track.moment_covariance[0] + track.moment_covariance[2])
         / (normal_force * normal_force)
     )

@@ -264,7 +264,7 @@ def test_stated_covariance_of_a_position_on_the_tangent_plane() -> None:
     forward_kinematics(constants.model, np.array([0.2, -1.1, 1.3, -0.8, -1.2, 0.5]), motion)
     track.status[0].last_body = LINK
     track.last_point[:], track.last_normal[:] = (-0.2, 0.04, 0.007), (0.36, 0.48, 0.8)
-    track.variance_ratio[:] = 1.0
+    track.windows["variance_ratio"] = 1.0
     R, o = motion.rotation[LINK], motion.origin[LINK]
     force = R @ track.last_normal * -20.0
     wrench = np.concatenate((force, np.cross(R @ track.last_point + o, force)))
@@ -276,7 +276,7 @@ def test_stated_covariance_of_a_position_on_the_tangent_plane() -> None:
         f, m = drawn[:, :3], drawn[:, 3:] - np.cross(o, drawn[:, :3])
         track.mean[:, 6 * LINK : 6 * LINK + 6] = np.hstack((f @ R, m @ R))
         _window_positions(track)
-        positions += [np.array(track.window_point[i][:2]) for i in range(WINDOWS)]
+        positions += [np.array([track.windows[i].x, track.windows[i].y]) for i in range(WINDOWS)]
     _position_covariance(constants.sensors, motion, track)
     xx, xy, yy = track.moment_covariance / 20.0**2
     np.testing.assert_allclose(np.mean(positions, axis=0), 0.0, atol=1e-3)
@@ -300,7 +300,8 @@ def test_a_sustained_contact_begins_with_the_average_that_showed_it(sustained: b
     if sustained:
         np.testing.assert_array_equal(track.mean[1:], 2.0)
         for i in range(1, WINDOWS):
-            found = (track.samples[i], track.age[i], track.variance_ratio[i], track.residual_covariance[i])
+            window = track.windows[i]
+            found = (window.samples, window.age, window.variance_ratio, window.residual_covariance)
             assert found == (40.0, 0.1, 0.01, 0.02)
         assert track.status[0].window == 1
     else:
