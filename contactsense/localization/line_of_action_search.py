@@ -51,7 +51,7 @@ from contactsense.solvers.posterior.simd import (
 def search_along_line_of_action(
     surfaces: Surfaces,
     deviations: DeviationCells,
-    touchable: np.ndarray,
+    searched: np.ndarray,
     hypotheses: Hypotheses,
     prior: Prior,
     buffers: SearchBuffers,
@@ -62,7 +62,7 @@ def search_along_line_of_action(
     accessible; row p is for primitive p.
 
     Args:
-        surfaces, touchable, hypotheses, prior, buffers, candidates: As in
+        surfaces, searched, hypotheses, prior, buffers, candidates: As in
             `contactsense.localization.ranking.locate_contacts`, the body frames of the primitives filled
             in.
         deviations: How far the surface is from the primitives, place by place.
@@ -72,31 +72,31 @@ def search_along_line_of_action(
     Returns:
         Number of rows in `order`. The `score` of rejected rows is -infinity.
     """
-    lowest_bound = _bound_energies(surfaces, deviations, touchable, hypotheses, prior, candidates)
+    lowest_bound = _bound_energies(surfaces, deviations, searched, hypotheses, prior, candidates)
     best = math.inf, -math.inf
-    count, searched = 0, 0
+    count, begun = 0, 0
     # First the primitives that the line may well enter: they set a limit that excludes most of the others.
     highest = ENERGY_CUTOFF - competing_evidence
     for limit in (min(lowest_bound + ENERGY_CUTOFF, highest), highest):
-        for p in range(surfaces.start[touchable.shape[0]]):
+        for p in range(surfaces.start[searched.shape[0]]):
             bound = candidates.bound[p]
             # Each primitive once: then its bound is infinite.
             if bound < math.inf and bound <= min(limit, best[0] + ENERGY_CUTOFF):
                 candidates.bound[p] = math.inf
                 candidates.order[count] = p
                 count += 1
-                if count - searched == LANES:
-                    rows = candidates.order[searched:count]
+                if count - begun == LANES:
+                    rows = candidates.order[begun:count]
                     best = _search_block(
                         surfaces, deviations, rows, hypotheses, prior, buffers.block, candidates, best
                     )
-                    searched = count
-        if count > searched:
-            rows = candidates.order[searched:count]
+                    begun = count
+        if count > begun:
+            rows = candidates.order[begun:count]
             best = _search_block(
                 surfaces, deviations, rows, hypotheses, prior, buffers.block, candidates, best
             )
-            searched = count
+            begun = count
     return count
 
 
@@ -104,7 +104,7 @@ def search_along_line_of_action(
 def _bound_energies(
     surfaces: Surfaces,
     deviations: DeviationCells,
-    touchable: np.ndarray,
+    searched: np.ndarray,
     hypotheses: Hypotheses,
     prior: Prior,
     candidates: Candidates,
@@ -113,17 +113,17 @@ def _bound_energies(
     returns the lowest one. Arguments as for `search_along_line_of_action`."""
     lowest, spheres = math.inf, candidates.spheres
     least_energy = math.inf
-    for link in range(touchable.shape[0]):
-        if touchable[link]:
+    for link in range(searched.shape[0]):
+        if searched[link]:
             least_energy = min(least_energy, hypotheses.energy[link])
-    for link in range(touchable.shape[0]):
+    for link in range(searched.shape[0]):
         w, energy = hypotheses.wrench[link], hypotheses.energy[link]
         squared_force = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
         last = surfaces.start[link + 1]
-        if not touchable[link] or squared_force <= 0.0 or energy > least_energy + 2.0 * ENERGY_CUTOFF:
+        if not searched[link] or squared_force <= 0.0 or energy > least_energy + 2.0 * ENERGY_CUTOFF:
             # A link that explains the measurement so much worse is hardly ever searched: its own energy will
             # do as a bound.
-            is_searched = touchable[link] and squared_force > 0.0
+            is_searched = searched[link] and squared_force > 0.0
             for p in range(surfaces.start[link], last):
                 candidates.bound[p] = energy if is_searched else math.inf
             continue
