@@ -76,4 +76,4 @@ def _is_plausible(
     for s in range(link_wrench.shape[0]):
         if not is_contact_wrench(link_wrench[s], weight):
             return False
-    return not usable[0] or is_base_plausible(limits, base_wrench, weight, external, state.wrench_change)
+    return not usable[0] or is_base_plausible(limits, base_wrench, weight, external)

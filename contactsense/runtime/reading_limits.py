@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from contactsense.kinematics.spatial import dot6
+from contactsense.kinematics.spatial import Six, dot6
 from contactsense.robots.jit.declaration import Floats
 from contactsense.robots.jit.kernel import inlined_kernel
 from contactsense.scene import Scene
@@ -93,7 +93,7 @@ def is_range_known(limits: ReadingLimits) -> bool:
 
 
 @inlined_kernel
-def is_within_range(limits: ReadingLimits, wrench: np.ndarray) -> bool:
+def is_within_range(limits: ReadingLimits, wrench: np.ndarray | Six) -> bool:
     """Whether the base sensor that reads this wrench, base axes and origin, shape (6,) [N, Nm], is within its
     range."""
     for i in range(6):  # noqa: SIM110 (a generator cannot be compiled)
@@ -132,9 +132,17 @@ def is_contact_wrench(wrench: np.ndarray, weight: np.ndarray) -> bool:
 
 
 @inlined_kernel
-def is_base_plausible(
-    limits: ReadingLimits, wrench: np.ndarray, weight: np.ndarray, external: bool, scratch: np.ndarray
-) -> bool:
+def _six(wrench: np.ndarray) -> Six:
+    return wrench[0], wrench[1], wrench[2], wrench[3], wrench[4], wrench[5]
+
+
+@inlined_kernel
+def _sum(a: np.ndarray, b: np.ndarray) -> Six:
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5]
+
+
+@inlined_kernel
+def is_base_plausible(limits: ReadingLimits, wrench: np.ndarray, weight: np.ndarray, external: bool) -> bool:
     """Whether the base wrench of a single measurement is surely plausible: within the sensor's range, and not
     the arm's own weight where that should be subtracted, nor without it where it should not, nor the opposite
     of its weight.
@@ -144,12 +152,9 @@ def is_base_plausible(
         wrench: The base wrench, shape (6,) [N, Nm].
         weight: Gravity wrench of the arm in this posture, shape (6,) [N, Nm].
         external: Whether the weight has been subtracted.
-        scratch: Overwritten, shape (6,).
     """
     if is_range_known(limits):
-        for i in range(6):
-            scratch[i] = wrench[i] + (weight[i] if external else 0.0)
-        if not is_within_range(limits, scratch):
+        if not is_within_range(limits, _sum(wrench, weight) if external else _six(wrench)):
             return False
     elif not is_contact_wrench(wrench, weight):
         return False
