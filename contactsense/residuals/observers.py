@@ -11,6 +11,7 @@ from contactsense.residuals.momentum_observer import (
     in_step,
     start_step,
 )
+from contactsense.robots.jit.array_views import block
 from contactsense.robots.jit.declaration import Sized
 from contactsense.robots.jit.kernel import inlined_kernel, kernel
 from contactsense.sensors.stream_state import BASE, TORQUE, TORQUE_DIFFERENCE
@@ -68,9 +69,7 @@ def start_steps(observers: Observers, steps: np.ndarray, bandwidth: float) -> tu
 
 @kernel
 def concatenate_residuals(out: np.ndarray, observers: Observers) -> None:
-    """Concatenate the observers' residuals: base wrench in the frame of each body, torque differences,
-    torques (from `first_torque` on), differences of the link sensors, their wrenches (from
-    `first_link_wrench` on)."""
+    """Concatenate the observers' residuals, see `ResidualParts`."""
     index = 0
     for part in (
         observers.base.residual,
@@ -85,6 +84,47 @@ def concatenate_residuals(out: np.ndarray, observers: Observers) -> None:
             for i in range(6):
                 out[index] = parts[s, i]
                 index += 1
+
+
+class ResidualParts(NamedTuple):
+    """The parts of concatenated residuals, of observers or of a mean, in the order of the concatenation."""
+
+    base: np.ndarray
+    """External wrench on the base sensor in the frame of each body, shape (6 (n + 1),) [N, Nm]."""
+    torque_difference: np.ndarray
+    """Of each joint torque minus the torque that the base wrench predicts, shape (n,) [Nm]."""
+    torque: np.ndarray
+    """Of each joint torque, shape (n,) [Nm]."""
+    link_difference: np.ndarray
+    """Of each link sensor minus that of the base sensor, base axes, shape (S, 6) [N, Nm]."""
+    link_wrench: np.ndarray
+    """Of each link sensor, base axes, shape (S, 6) [N, Nm]."""
+
+
+@inlined_kernel
+def parts_of(residuals: np.ndarray, joints: int, link_sensors: int) -> ResidualParts:
+    """Views of the parts of concatenated residuals."""
+    torque, link_wrench = first_torque(joints), first_link_wrench(joints, link_sensors)
+    torque_difference, link_difference = torque - joints, torque + joints
+    return ResidualParts(
+        residuals[:torque_difference],
+        residuals[torque_difference:torque],
+        residuals[torque:link_difference],
+        block(residuals, link_difference, (link_sensors, 6)),
+        block(residuals, link_wrench, (link_sensors, 6)),
+    )
+
+
+@inlined_kernel
+def current_parts(observers: Observers) -> ResidualParts:
+    """The residuals of the observers themselves, which are not concatenated."""
+    return ResidualParts(
+        observers.base.residual,
+        observers.torque_difference.residual,
+        observers.joints.residual,
+        observers.link_difference.residual,
+        observers.links.residual,
+    )
 
 
 @kernel

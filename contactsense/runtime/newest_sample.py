@@ -3,7 +3,7 @@
 import numpy as np
 
 from contactsense.residuals.equations_of_motion import wrench_difference
-from contactsense.residuals.observers import first_link_wrench, first_torque
+from contactsense.residuals.observers import current_parts, parts_of
 from contactsense.robots.jit.array_views import block
 from contactsense.robots.jit.kernel import inlined_kernel, kernel
 from contactsense.robots.surface.signed_distance_grid import Skin
@@ -12,7 +12,7 @@ from contactsense.runtime.answer import NUMBER, PHASE, SENSORS, store_first
 from contactsense.runtime.buffers import Buffers, buffer_views
 from contactsense.runtime.constants import Constants
 from contactsense.runtime.explanation import explain_sample
-from contactsense.runtime.residual_update import set_external, use_residuals
+from contactsense.runtime.residual_update import set_external
 from contactsense.runtime.result_rows import (
     FIRST_COVARIANCE,
     FIRST_FORCE,
@@ -65,11 +65,14 @@ def localize(
     update_phase(track, slid, dt, bandwidth)
     window = track.status[0].window
     if window > 0:
-        _use_window_mean(state, window)
+        joints, sensors_in_arm = state.torque.shape[0], state.link_wrench.shape[0]
+        set_external(state, parts_of(track.mean[window], joints, sensors_in_arm))
     else:
-        use_residuals(state)
+        set_external(state, current_parts(state.observers))
     usable = (has_base, has_torque, link_sensors)
-    listed, _ = explain_sample(buffers, skin, usable, track.windows[window].variance_ratio, gate, -1.0, rows)
+    listed, _ = explain_sample(
+        buffers, skin, usable, track.windows[window].variance_ratio, gate, -1.0, rows
+    )
     if begins:
         number_contact(track, constants.link_prior, state.link_probability, bandwidth)
     add_to_links(track, state.no_contact_energy[0], state.link_probability)
@@ -83,17 +86,6 @@ def localize(
     answer.integers[PHASE], answer.integers[NUMBER] = track.status[0].phase, track.status[0].number
     answer.integers[SENSORS] = sensors
     return listed
-
-
-@inlined_kernel
-def _use_window_mean(state: State, window: int) -> None:
-    """Replace the observers' residuals by a window's mean."""
-    n, link_sensors = state.torque.shape[0], state.link_wrench.shape[0]
-    mean = state.track.mean[window]
-    b, d = first_torque(n), first_link_wrench(n, link_sensors)
-    a, c = b - n, b + n
-    difference, residual = block(mean, c, (link_sensors, 6)), block(mean, d, (link_sensors, 6))
-    set_external(state, mean[:a], mean[a:b], mean[b:c], difference, residual)
 
 
 @inlined_kernel

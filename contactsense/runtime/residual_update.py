@@ -1,7 +1,5 @@
 """Residuals of one sample of a stream: kinematics, observers, noise. Nothing allocates memory."""
 
-import numpy as np
-
 from contactsense.kinematics.momenta import body_momentum_and_weight, kinematics_and_momenta
 from contactsense.kinematics.spatial import component_about, dot6
 from contactsense.residuals.bias_filter import mass_variance, predict
@@ -15,7 +13,7 @@ from contactsense.residuals.equations_of_motion import (
 from contactsense.residuals.inertia_torque import follow_inertia_torque
 from contactsense.residuals.momentum_observer import group_of
 from contactsense.residuals.noise_scale import follow_noise
-from contactsense.residuals.observers import start_steps
+from contactsense.residuals.observers import ResidualParts, start_steps
 from contactsense.residuals.timing_error import advance_timing_error
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import inlined_kernel
@@ -159,31 +157,24 @@ def follow_noise_and_timing(constants: Constants, state: State) -> None:
 
 
 @inlined_kernel
-def set_external(
-    state: State,
-    base_residual: np.ndarray,
-    torque_difference: np.ndarray,
-    joint_residual: np.ndarray,
-    link_difference: np.ndarray,
-    link_residual: np.ndarray,
-) -> None:
+def set_external(state: State, residuals: ResidualParts) -> None:
     """Store residuals, those of the observers or their window means, in `state` for the link hypotheses.
 
     Args:
         state: With the poses of this sample; its residual fields are filled.
-        base_residual, torque_difference, joint_residual, link_difference, link_residual: Residuals of
-            `State`'s observers; the last two of shape (S, 6).
+        residuals: The residuals.
     """
     has_torque_difference = state.stream.usable[TORQUE_DIFFERENCE] > 0
-    wrenches_to_base_frame(state.motion, base_residual, state.body_wrench)
+    wrenches_to_base_frame(state.motion, residuals.base, state.body_wrench)
     copy(state.body_wrench[0], state.base_wrench)
-    copy(joint_residual, state.torque)
-    for j in range(joint_residual.shape[0]):
+    copy(residuals.torque, state.torque)
+    for j in range(residuals.torque.shape[0]):
         state.proximal_torque[j] = (
-            dot6(state.motion.screw[j], state.base_wrench) + torque_difference[j]
+            dot6(state.motion.screw[j], state.base_wrench) + residuals.torque_difference[j]
             if has_torque_difference
-            else joint_residual[j]
+            else residuals.torque[j]
         )
+    link_difference, link_residual = residuals.link_difference, residuals.link_wrench
     count = link_residual.shape[0]
     for s in range(count):
         has_difference = state.stream.usable[LINK + count + s] > 0
@@ -192,20 +183,6 @@ def set_external(
             state.proximal_link_wrench[s, i] = (
                 state.base_wrench[i] + link_difference[s, i] if has_difference else link_residual[s, i]
             )
-
-
-@inlined_kernel
-def use_residuals(state: State) -> None:
-    """`set_external` for the observers' residuals."""
-    observers = state.observers
-    set_external(
-        state,
-        observers.base.residual,
-        observers.torque_difference.residual,
-        observers.joints.residual,
-        observers.link_difference.residual,
-        observers.links.residual,
-    )
 
 
 @inlined_kernel
