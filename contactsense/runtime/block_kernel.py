@@ -11,6 +11,17 @@ from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.signed_distance_grid import Skin
+from contactsense.runtime.block_columns import (
+    BASE_WRENCH,
+    BASE_WRENCH_STD,
+    BIAS,
+    CONSISTENCY,
+    ENERGY,
+    FRICTION,
+    JOINTS,
+    TORQUE,
+    TORQUE_STD,
+)
 from contactsense.runtime.buffers import Buffers, buffer_views
 from contactsense.runtime.newest_sample import localize
 from contactsense.runtime.simd_samples import detect_in_lane, fill_lanes
@@ -24,11 +35,10 @@ BlockInputs: TypeAlias = tuple[
 lists, each with a leading axis N."""
 BlockOutputs: TypeAlias = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 """Of each of the N samples: flags, int64; phase and number of the contact, and whether the residuals of base
-wrench and joint torques can be used (bits 0 and 1), shape (N, 3), int64; energy of the no-contact hypothesis,
-consistency levels (3), external base wrench (6) and its standard deviation (6), external joint torques (n),
-their standard deviation (n), biases (n) and friction above the scene's (n), shape (N, 16 + 4 n); number of
-explanations, -1 where nothing touches, int64; where there is one, the row of the most probable one, shape (N,
-WIDTH), and the probability of each link, shape (N, links)."""
+wrench and joint torques can be used (bits 0 and 1), shape (N, 3), int64; numbers in the columns of
+`contactsense.runtime.block_columns`; number of explanations, -1 where nothing touches, int64; where there is
+one, the row of the most probable one, shape (N, WIDTH), and the probability of each link, shape (N, links).
+"""
 
 
 @kernel
@@ -79,21 +89,23 @@ def detect_and_localize_block(
         listed[i] = -1
         row = residuals[i]
         if found & (REPEATED | UNUSABLE):
-            for k in range(16 + 4 * n):
+            for k in range(row.shape[0]):
                 row[k] = math.nan
         else:
             scale = state.stream.clock[0].variance_ratio
-            row[0] = state.no_contact_energy[0]
+            row[ENERGY] = state.no_contact_energy[0]
             for k in range(3):
-                row[1 + k] = state.consistency.mean_statistic[k]
+                row[CONSISTENCY + k] = state.consistency.mean_statistic[k]
             for k in range(6):
-                row[4 + k] = state.base_wrench[k]
-                row[10 + k] = math.sqrt(state.base_covariance[k, k] * scale)
+                row[BASE_WRENCH + k] = state.base_wrench[k]
+                row[BASE_WRENCH_STD + k] = math.sqrt(state.base_covariance[k, k] * scale)
             for k in range(n):
-                row[16 + k] = state.torque[k]
-                row[16 + n + k] = math.sqrt(state.torque_variance[k])
-                row[16 + 2 * n + k] = state.torque_model.bias[k]
-                row[16 + 3 * n + k] = friction_above_scene(state.bias_filter, state.torque_model, k)
+                row[JOINTS + n * TORQUE + k] = state.torque[k]
+                row[JOINTS + n * TORQUE_STD + k] = math.sqrt(state.torque_variance[k])
+                row[JOINTS + n * BIAS + k] = state.torque_model.bias[k]
+                row[JOINTS + n * FRICTION + k] = friction_above_scene(
+                    state.bias_filter, state.torque_model, k
+                )
         if found & TOUCHED and not stop_at_touch:
             listed[i] = localize(buffers, skin, gate)
             if listed[i] > 0:

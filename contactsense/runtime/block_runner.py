@@ -7,6 +7,19 @@ import numpy as np
 from contactsense.kinematics.simd_kinematics import empty_lanes
 from contactsense.robots.jit.declaration import Records
 from contactsense.robots.surface.signed_distance_grid import Skin
+from contactsense.runtime.block_columns import (
+    BASE_WRENCH,
+    BASE_WRENCH_STD,
+    BIAS,
+    CONSISTENCY,
+    ENERGY,
+    FRICTION,
+    JOINTS,
+    TORQUE,
+    TORQUE_STD,
+    block_width,
+    group_columns,
+)
 from contactsense.runtime.block_kernel import BlockInputs, detect_and_localize_block
 from contactsense.runtime.buffers import Buffers
 from contactsense.runtime.result_rows import LINK, POINT, WIDTH
@@ -71,7 +84,7 @@ class BlockRunner:
         count = len(block)
         inputs = self._inputs(block)
         flags, listed = self._flags[:count], self._listed[:count]
-        phases, residuals = self._phases[:count], np.empty((count, 16 + 4 * self._joints))
+        phases, residuals = self._phases[:count], np.empty((count, block_width(self._joints)))
         estimates: dict[int, Estimate] = {}
         at = 0
         while at < count:
@@ -129,14 +142,14 @@ class BlockRunner:
             phase=self._phases[:count, 0].copy(),
             number=self._phases[:count, 1].copy(),
             usable=self._phases[:count, 2:] & np.array([1, 2]) > 0,
-            energy=residuals[:, 0],
-            consistency=residuals[:, 1:4],
-            base_wrench=residuals[:, 4:10],
-            base_wrench_std=residuals[:, 10:16],
-            joint_torque=residuals[:, 16 : 16 + n],
-            joint_torque_std=residuals[:, 16 + n : 16 + 2 * n],
-            joint_bias=residuals[:, 16 + 2 * n : 16 + 3 * n],
-            joint_friction=residuals[:, 16 + 3 * n :],
+            energy=residuals[:, ENERGY],
+            consistency=residuals[:, CONSISTENCY:BASE_WRENCH],
+            base_wrench=residuals[:, BASE_WRENCH:BASE_WRENCH_STD],
+            base_wrench_std=residuals[:, BASE_WRENCH_STD:JOINTS],
+            joint_torque=residuals[:, group_columns(TORQUE, n)],
+            joint_torque_std=residuals[:, group_columns(TORQUE_STD, n)],
+            joint_bias=residuals[:, group_columns(BIAS, n)],
+            joint_friction=residuals[:, group_columns(FRICTION, n)],
             sample=sample,
             contact=contact,
             rows=rows,
