@@ -345,7 +345,7 @@ class Localizer(StaticLocalizer):
                 self.scene, self._scene_sensors, self._links, first, track.status
             )
         compiled_only = self._is_plain and not estimates
-        settings = (self._gate, self._sample_fields.relevant_flags)
+        settings = (self._link_first, self._sample_fields.relevant_flags)
         for block in recording:
             whole = self._screening.screened_block(SampleBlock.checked(block, self._joints))
             for part in whole.split(MAX_BLOCK):

@@ -17,7 +17,7 @@ from contactsense.runtime.buffers import Buffers, KernelBuffers
 from contactsense.runtime.constants import build_constants
 from contactsense.runtime.detectable import DetectableForce
 from contactsense.runtime.intrinsic import batch_intrinsic
-from contactsense.runtime.kernels import AT_REST, CHECKED, DETECT_ONLY, EXTERNAL, GATE, batch
+from contactsense.runtime.kernels import AT_REST, CHECKED, DETECT_ONLY, EXTERNAL, LINK_FIRST, batch
 from contactsense.runtime.measurement import DOUBTFUL, NOT_FINITE, UNTOUCHED
 from contactsense.runtime.parallel_batch import explain_rows
 from contactsense.runtime.plausibility import PlausibleLimits
@@ -59,8 +59,8 @@ class StaticLocalizer:
                 f"{'no base_wrench' if scene.base_wrench is None else f'contacts: {scene.contacts}'}"
             )
         self.scene, self._method = scene, method
-        self._gate = method != "joint"
-        self._options = GATE if self._gate else 0
+        self._link_first = method != "joint"
+        self._options = LINK_FIRST if self._link_first else 0
         self._intrinsic = method == "intrinsic"
         constants = build_constants(scene)
         self._buffers = KernelBuffers(constants, empty_state(constants))
@@ -263,7 +263,8 @@ class StaticLocalizer:
             else:
                 lanes = empty_lanes(self._joints)
                 batch(
-                    buffers, self._skin, measured, still[part], external, usable, self._gate, found, lanes
+                    buffers, self._skin, measured, still[part], external, usable, self._link_first, found,
+                    lanes,
                 )  # fmt: skip
 
         kernel = batch_intrinsic if self._intrinsic else batch

@@ -56,7 +56,7 @@ def detect_and_localize_block(
 
     Args:
         buffers, skin: As for `contactsense.runtime.newest_sample.localize`.
-        settings: `gate` as for `localize`; mask of the flags that can be set for samples of this scene.
+        settings: `link_first` as for `localize`; mask of the flags that can be set for samples of this scene.
         stop_at_touch: Return after the first sample that touches, ends a contact or restarts the stream;
             `localize` is not called.
         first: Sample to begin with.
@@ -68,7 +68,7 @@ def detect_and_localize_block(
         Number of the sample after the last one that was taken, negative where `stop_at_touch` ended it.
     """
     constants, state = buffer_views(buffers)
-    gate, relevant = settings
+    link_first, relevant = settings
     t, sensor_bits, q, qd, torque, base_wrench, link_wrench = samples
     flags, phases, residuals, listed, best, link_probability = out
     n = state.torque.shape[0]
@@ -107,7 +107,7 @@ def detect_and_localize_block(
                     state.bias_filter, state.torque_model, k
                 )
         if found & TOUCHED and not stop_at_touch:
-            listed[i] = localize(buffers, skin, gate)
+            listed[i] = localize(buffers, skin, link_first)
             if listed[i] > 0:
                 copy(state.answer.rows[0], best[i])
                 copy(state.link_probability, link_probability[i])

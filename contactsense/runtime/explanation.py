@@ -142,7 +142,7 @@ def explain_sample(
     skin: Skin,
     usable: Usable,
     variance_ratio: float,
-    gate: bool,
+    link_first: bool,
     threshold: float,
     rows: np.ndarray,
 ) -> tuple[int, float]:
@@ -156,7 +156,7 @@ def explain_sample(
         skin: The fields of `contactsense.robots.surface.signed_distance_grid.Grids`, as a plain tuple.
         usable: Which sensors have measured.
         variance_ratio: Variance of the residuals over that of one sample's noise.
-        gate: Choose the link of highest evidence first and search on that link only.
+        link_first: Choose the link of highest evidence first and search on that link only.
         threshold: No candidates are computed if the energy of the no-contact hypothesis is not above this.
         rows: Filled with the candidates, as many as there are rows at most.
 
@@ -170,8 +170,8 @@ def explain_sample(
     if no_contact_energy <= threshold:
         return 0, no_contact_energy
     for link in range(constants.touchable.shape[0]):
-        state.candidate_links[link] = 0 if gate else constants.touchable[link]
-    if gate:
+        state.candidate_links[link] = 0 if link_first else constants.touchable[link]
+    if link_first:
         best = most_probable_link(constants, state)
         if best >= 0:
             state.candidate_links[best] = 1

@@ -33,8 +33,8 @@ from contactsense.sensors.stream_state import (
 from contactsense.sensors.usable_sensors import Usable, sensors_in
 from contactsense.tracking.contact_tracker import end_contact
 
-GATE, SCREENED, DETECTED, AT_REST, EXTERNAL, CHECKED, DETECT_ONLY = 1, 2, 4, 8, 16, 32, 64
-"""Options of `process`, bits of one number. `GATE`: as `gate` of
+LINK_FIRST, SCREENED, DETECTED, AT_REST, EXTERNAL, CHECKED, DETECT_ONLY = 1, 2, 4, 8, 16, 32, 64
+"""Options of `process`, bits of one number. `LINK_FIRST`: as `link_first` of
 `contactsense.runtime.explanation.explain_sample`. `SCREENED`: the readings are known to be plausible;
 otherwise that is checked, and a sample whose readings may not be is not used. `DETECTED`: a contact has been
 detected in the stream's newest sample, which is explained; no sample is taken. `AT_REST`: it is no sample of
@@ -60,7 +60,7 @@ def process(
     Args:
         buffers: `contactsense.runtime.buffers.KernelBuffers.arguments`; what is found is in `State.answer`.
         skin: The fields of `contactsense.robots.surface.signed_distance_grid.Grids`, as a plain tuple.
-        options: See `GATE`.
+        options: See `LINK_FIRST`.
         t: Time of the sample [s]; of a measurement, `threshold` of
             `contactsense.runtime.explanation.explain_sample`.
         sensor_bits: Which sensors have a value, see `contactsense.sensors.usable_sensors.sensor_bits_of`.
@@ -71,15 +71,15 @@ def process(
         Of a sample, its flags, see `contactsense.sensors.stream_state`. Of a measurement, the number of
         candidates, or why there are none, see `contactsense.runtime.measurement`.
     """
-    gate = options & GATE != 0
+    link_first = options & LINK_FIRST != 0
     if options & AT_REST:
         return _explain_measurement(buffers, skin, options, t, sensor_bits, readings)
     if options & DETECTED:
-        localize(buffers, skin, gate)
+        localize(buffers, skin, link_first)
         return TOUCHED
     flags: int = detect(buffers, t, sensor_bits, readings, options & SCREENED != 0)
     if flags & TOUCHED:
-        localize(buffers, skin, gate)
+        localize(buffers, skin, link_first)
     return flags
 
 
@@ -128,7 +128,7 @@ def _explain_measurement(
         return unusable
     rows = state.answer.rows
     unexplained = math.inf if options & DETECT_ONLY else threshold
-    listed, energy = explain_sample(buffers, skin, usable, 1.0, options & GATE != 0, unexplained, rows)
+    listed, energy = explain_sample(buffers, skin, usable, 1.0, options & LINK_FIRST != 0, unexplained, rows)
     if energy <= threshold:
         return UNTOUCHED
     store_first(listed, rows, state.hypotheses, constants.surfaces.start, state.answer)
@@ -143,14 +143,14 @@ def batch(
     still: np.ndarray,
     external: bool,
     usable: Usable,
-    gate: bool,
+    link_first: bool,
     found: BatchOutputs,
     lanes: np.ndarray,
 ) -> None:
     """Explain N measurements of an arm at rest, whose arrays have a leading axis.
 
     Args:
-        buffers, skin, usable, gate: As for `contactsense.runtime.explanation.explain_sample`.
+        buffers, skin, usable, link_first: As for `contactsense.runtime.explanation.explain_sample`.
         measured, external: As for `contactsense.runtime.explanation.take_static_sample`.
         still: Zeros, the joint velocities, shape (N, n).
         found: Filled.
@@ -166,7 +166,7 @@ def batch(
         motion_of_lane(lanes, lane, state.motion)
         take_static_residuals(constants, state, (q[i], torque[i], base_wrench[i], link_wrench[i]), external)
         row = best[i : i + 1]
-        listed, no_contact_energy[i] = explain_sample(buffers, skin, usable, 1.0, gate, -1.0, row)
+        listed, no_contact_energy[i] = explain_sample(buffers, skin, usable, 1.0, link_first, -1.0, row)
         copy(state.link_probability, link_probability[i])
         if listed == 0:
             row[0] = 0.0

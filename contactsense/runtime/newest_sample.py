@@ -33,14 +33,14 @@ from contactsense.tracking.sliding import extrapolate_sliding
 def localize(
     buffers: Buffers,
     skin: Skin,
-    gate: bool,
+    link_first: bool,
 ) -> int:
     """Average the residuals over windows and explain them, after `detect` has detected a contact.
 
     Args:
         buffers: `contactsense.runtime.buffers.KernelBuffers.arguments`; `State.answer` is filled.
         skin: The fields of `contactsense.robots.surface.signed_distance_grid.Grids`, as a plain tuple.
-        gate: As for `contactsense.runtime.explanation.explain_sample`.
+        link_first: As for `contactsense.runtime.explanation.explain_sample`.
 
     Returns:
         Number of candidates.
@@ -71,7 +71,7 @@ def localize(
         set_external(state, current_parts(state.observers))
     usable = (has_base, has_torque, link_sensors)
     listed, _ = explain_sample(
-        buffers, skin, usable, track.windows[window].variance_ratio, gate, -1.0, rows
+        buffers, skin, usable, track.windows[window].variance_ratio, link_first, -1.0, rows
     )
     if begins:
         number_contact(track, constants.link_prior, state.link_probability, bandwidth)
