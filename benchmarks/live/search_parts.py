@@ -21,7 +21,8 @@ from contactsense.localization.line_distance import moment_variance
 from contactsense.localization.ranking import LINE_OF_ACTION_DEVIATION
 from contactsense.robots.jit.kernel import kernel
 from contactsense.runtime.buffers import Buffers, buffer_views
-from contactsense.runtime.explanation import Measured, isolate_links, take_static_sample
+from contactsense.runtime.explanation import isolate_links
+from contactsense.runtime.static_residuals import Measured, take_static_sample
 from contactsense.sensors.usable_sensors import Usable
 
 REPETITIONS = 5

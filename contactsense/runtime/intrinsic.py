@@ -13,12 +13,11 @@ from contactsense.runtime.buffers import Buffers, buffer_views
 from contactsense.runtime.candidate_rows import CandidateRow, write_row
 from contactsense.runtime.constants import Constants
 from contactsense.runtime.explanation import (
-    Measured,
     isolate_links,
     most_probable_link,
-    take_static_sample,
 )
 from contactsense.runtime.state import State
+from contactsense.runtime.static_residuals import Measured, take_static_sample
 from contactsense.solvers.wrench import Wrench, in_frame
 
 

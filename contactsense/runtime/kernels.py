@@ -14,11 +14,12 @@ from contactsense.robots.surface.signed_distance_grid import Skin
 from contactsense.runtime.answer import store_first
 from contactsense.runtime.buffers import Buffers, buffer_views
 from contactsense.runtime.detection import conclude, decide
-from contactsense.runtime.explanation import Measured, explain_sample, take_static_residuals
+from contactsense.runtime.explanation import explain_sample
 from contactsense.runtime.measurement import UNTOUCHED, take_measurement
 from contactsense.runtime.newest_sample import localize
 from contactsense.runtime.reading_limits import is_sample_plausible
 from contactsense.runtime.residual_update import update_residuals
+from contactsense.runtime.static_residuals import Measured, take_static_residuals
 from contactsense.sensors.stream_state import (
     REPEATED,
     RESTARTED,
@@ -151,7 +152,7 @@ def batch(
 
     Args:
         buffers, skin, usable, link_first: As for `contactsense.runtime.explanation.explain_sample`.
-        measured, external: As for `contactsense.runtime.explanation.take_static_sample`.
+        measured, external: As for `contactsense.runtime.static_residuals.take_static_residuals`.
         still: Zeros, the joint velocities, shape (N, n).
         found: Filled.
         lanes: Scratch, see `contactsense.kinematics.simd_kinematics.empty_lanes`.

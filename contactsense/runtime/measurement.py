@@ -6,7 +6,6 @@ import numpy as np
 
 from contactsense.robots.jit.kernel import inlined_kernel, kernel
 from contactsense.runtime.constants import Constants
-from contactsense.runtime.explanation import Measured, take_static_sample
 from contactsense.runtime.reading_limits import (
     TORQUE_SCALE,
     are_positions_within,
@@ -15,6 +14,7 @@ from contactsense.runtime.reading_limits import (
     is_contact_wrench,
 )
 from contactsense.runtime.state import State
+from contactsense.runtime.static_residuals import Measured, take_static_sample
 from contactsense.sensors.usable_sensors import Usable
 
 NOT_FINITE, DOUBTFUL, UNTOUCHED = -1, -2, -3
