@@ -32,6 +32,26 @@ PAUSE_AFTER_CONTACT = 5.0
 FRICTION_TIME = 3600.0
 """Time within which friction may change as much as from day to day, an assumption: arms take about as long to
 warm up [s]."""
+BASE_BIASES, TORQUE_BIASES = 0, 6
+"""First of the six biases of the base sensor and of the n biases of the torques among the estimates."""
+
+
+@kernel
+def friction_factors(n: int) -> int:
+    """First of the n friction factors among the estimates."""
+    return TORQUE_BIASES + n
+
+
+@kernel
+def masses(n: int) -> int:
+    """First of the n masses among the estimates: of the first link behind the base."""
+    return TORQUE_BIASES + 2 * n
+
+
+@kernel
+def regressor_of(n: int, k: int) -> int:
+    """First of the n + 6 residuals (joints, then base) that mass k adds, in `BiasFilter.mass_regressor`."""
+    return (n + 6) * k
 
 
 @record
@@ -129,18 +149,18 @@ def predict(
     for i in range(6):
         P[i, i] += growth * base_noise[i, i]
     for j in range(n):
-        P[6 + j, 6 + j] += growth * torque_noise[j]
+        P[TORQUE_BIASES + j, TORQUE_BIASES + j] += growth * torque_noise[j]
     for a in range(6):
         for b in range(6):
             bias_filter.base_covariance[a, b] = P[a, b]
     for j in range(n):
-        bias_filter.torque_variance[j] = P[6 + j, 6 + j]
+        bias_filter.torque_variance[j] = P[TORQUE_BIASES + j, TORQUE_BIASES + j]
     if status.estimates_friction:
         growth = min(2.0 * dt / FRICTION_TIME, 1.0)
         for j in range(n):
-            f, friction = 6 + n + j, bias_filter.friction_regressor[j]
+            f, friction = friction_factors(n) + j, bias_filter.friction_regressor[j]
             P[f, f] += growth * max(torque_model.friction_error[j] ** 2 - P[f, f], 0.0)
-            bias_filter.torque_variance[j] += friction * (friction * P[f, f] + 2.0 * P[f, 6 + j])
+            bias_filter.torque_variance[j] += friction * (friction * P[f, f] + 2.0 * P[f, TORQUE_BIASES + j])
     if status.estimates_masses:
         _advance_mass_regressor(bias_filter, torque_model, motion, dt, bandwidth)
         _add_mass_covariance(bias_filter, n)
@@ -177,11 +197,11 @@ def _advance_mass_regressor(
                 weight -= dot6(s, G[k + 2])
             h *= torque_model.inertia
             drift = torque_model.inertia * drift + torque_model.gravity * weight
-            advance(bias_filter.mass_regressor, (n + 6) * k + j, h, drift, step)
+            advance(bias_filter.mass_regressor, regressor_of(n, k) + j, h, drift, step)
         for i in range(6):
             h = H[k + 1, i] - (0.0 if last else H[k + 2, i])
             g = G[k + 1, i] - (0.0 if last else G[k + 2, i])
-            advance(bias_filter.mass_regressor, (n + 6) * k + n + i, h, g, step)
+            advance(bias_filter.mass_regressor, regressor_of(n, k) + n + i, h, g, step)
 
 
 @kernel
@@ -194,7 +214,7 @@ def _bias_coefficient(n: int, equation: int) -> float:
 def _bias_index(n: int, equation: int) -> int:
     """Index of a residual's own bias in the filter's state. The joints' equations come first, then six of the
     base."""
-    return equation + 6 if equation < n else equation - n
+    return TORQUE_BIASES + equation if equation < n else BASE_BIASES + equation - n
 
 
 @kernel
@@ -211,25 +231,26 @@ def _add_mass_covariance(bias_filter: BiasFilter, n: int) -> None:
         bias_filter.torque_variance,
         bias_filter.residual_mass_covariance,
     )
-    r, m, first = bias_filter.mass_regressor.residual, n + 6, 2 * n + 6
-    for equation in range(m):
+    r, first = bias_filter.mass_regressor.residual, masses(n)
+    for equation in range(n + 6):
         index, sign = _bias_index(n, equation), _bias_coefficient(n, equation)
         for k in range(n):
             total = sign * P[index, first + k]
             for i in range(n):
-                total += P[first + k, first + i] * r[m * i + equation]
+                total += P[first + k, first + i] * r[regressor_of(n, i) + equation]
             residual_mass_covariance[equation, k] = total
     for j in range(n):
         friction = bias_filter.friction_regressor[j]
         for k in range(n):
-            other = P[6 + j, first + k] + 2.0 * friction * P[6 + n + j, first + k]
-            torque_variance[j] += r[m * k + j] * (other + residual_mass_covariance[j, k])
+            other = P[TORQUE_BIASES + j, first + k] + 2.0 * friction * P[friction_factors(n) + j, first + k]
+            torque_variance[j] += r[regressor_of(n, k) + j] * (other + residual_mass_covariance[j, k])
     for a in range(6):
         for b in range(a + 1):
             total = 0.0
             for k in range(n):
+                of_base = regressor_of(n, k) + n
                 total += (
-                    r[m * k + n + a] * residual_mass_covariance[n + b, k] - P[a, first + k] * r[m * k + n + b]
+                    r[of_base + a] * residual_mass_covariance[n + b, k] - P[a, first + k] * r[of_base + b]
                 )
             base_covariance[a, b] += total
             base_covariance[b, a] = base_covariance[a, b]
@@ -245,12 +266,14 @@ def mass_variance(bias_filter: BiasFilter, first_body: int, row: Six) -> float:
         row: The component is `row` . wrench, base axes, base origin.
     """
     n = bias_filter.torque_variance.shape[0]
-    P, r, m, first = bias_filter.covariance, bias_filter.mass_regressor.residual, n + 6, 2 * n + 6
+    P, r, first = bias_filter.covariance, bias_filter.mass_regressor.residual, masses(n)
     variance = 0.0
     for k in range(first_body - 1, n):
-        one = dot6(row, r[m * k + n : m * k + m])
+        one = dot6(row, r[regressor_of(n, k) + n : regressor_of(n, k + 1)])
         for i in range(first_body - 1, n):
-            variance += one * P[first + k, first + i] * dot6(row, r[m * i + n : m * i + m])
+            variance += (
+                one * P[first + k, first + i] * dot6(row, r[regressor_of(n, i) + n : regressor_of(n, i + 1)])
+            )
     return float(variance)
 
 
@@ -276,20 +299,22 @@ def update(
     )
     status = bias_filter.status[0]
     # What is not estimated has no covariance.
-    size = 6 + n
+    size = friction_factors(n)
     if status.estimates_masses:
         size = measurement_row.shape[0]
     elif status.estimates_friction:
-        size = 6 + 2 * n
+        size = masses(n)
     index, coefficient = _bias_index(n, equation), _bias_coefficient(n, equation)
     innovation_variance, innovation = variance, residual
-    if size > 6 + n:
+    if size > friction_factors(n):
         measurement_row[:] = 0.0
         measurement_row[index] = coefficient
         if equation < n:
-            measurement_row[6 + n + equation] = bias_filter.friction_regressor[equation]
+            measurement_row[friction_factors(n) + equation] = bias_filter.friction_regressor[equation]
         for k in range(n):
-            measurement_row[6 + 2 * n + k] = bias_filter.mass_regressor.residual[(n + 6) * k + equation]
+            measurement_row[masses(n) + k] = bias_filter.mass_regressor.residual[
+                regressor_of(n, k) + equation
+            ]
         for i in range(size):
             cross_covariance[i] = 0.0
             for k in range(size):

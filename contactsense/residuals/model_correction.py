@@ -7,7 +7,14 @@ import numpy as np
 
 from contactsense.kinematics.model import Model, Motion
 from contactsense.kinematics.spatial import dot6
-from contactsense.residuals.bias_filter import BiasFilter
+from contactsense.residuals.bias_filter import (
+    BASE_BIASES,
+    TORQUE_BIASES,
+    BiasFilter,
+    friction_factors,
+    masses,
+    regressor_of,
+)
 from contactsense.residuals.joint_friction import JointTorqueModel
 from contactsense.residuals.momentum_observer import MomentumObserver, group_of
 from contactsense.residuals.observers import Observers
@@ -38,76 +45,127 @@ def apply_correction(
         observers: Changed in place.
         first_body: First link that each link sensor carries, shape (S,), int64.
     """
-    x, n = bias_filter.correction, torque_model.bias.shape[0]
-    m, first = n + 6, 2 * n + 6
-    K = 2.0 * math.pi * bandwidth
+    n, K = torque_model.bias.shape[0], 2.0 * math.pi * bandwidth
+    _correct_wrench(bias_filter, model, motion)
+    for j in range(n):
+        _correct_joint(bias_filter, torque_model, motion, j, K, observers)
+    for s in range(first_body.shape[0]):
+        _correct_link_sensor(
+            bias_filter, motion, first_body[s], K, group_of(observers.links, s),
+            group_of(observers.link_difference, s),
+        )  # fmt: skip
+    for body in range(n + 1):
+        _correct_base(bias_filter, motion, body, K, observers.base)
+    bias_filter.correction[:] = 0.0
+
+
+@kernel
+def _link_momentum(H: np.ndarray, k: int, i: int) -> float:
+    """Component i of the momentum of the link with mass k alone; H: of each link and all distal ones."""
+    return float(H[k + 1, i] - (H[k + 2, i] if k + 2 < H.shape[0] else 0.0))
+
+
+@kernel
+def _correct_wrench(bias_filter: BiasFilter, model: Model, motion: Motion) -> None:
+    """Correct the bias of the base wrench and the masses; `wrench_correction` is by how much that changes the
+    residual of the base wrench, base axes, and the arm's momentum. Arguments as for `apply_correction`."""
+    x, n = bias_filter.correction, bias_filter.torque_variance.shape[0]
     d_wrench, d_momentum = bias_filter.wrench_correction[0], bias_filter.wrench_correction[1]
     for i in range(6):
-        bias_filter.bias[i] += x[i]
-        d_wrench[i], d_momentum[i] = -x[i], 0.0
-    estimates_masses = bias_filter.status[0].estimates_masses
-    regressor, H = bias_filter.mass_regressor.residual, motion.momentum
-    if estimates_masses:
-        for k in range(n):
-            x[first + k] = max(x[first + k], MIN_RELATIVE_CHANGE)
-            model.mass[k + 1] *= 1.0 + x[first + k]
-            for i in range(3):
-                for j in range(3):
-                    model.inertia[k + 1, i, j] *= 1.0 + x[first + k]
-            for i in range(6):
-                d_wrench[i] += x[first + k] * regressor[m * k + n + i]
-                d_momentum[i] += x[first + k] * (H[k + 1, i] - (H[k + 2, i] if k + 2 <= n else 0.0))
-    for j in range(n):
-        torque_model.bias[j] += x[6 + j]
-        # Zero where friction is not estimated.
-        change = max(x[6 + n + j], MIN_RELATIVE_CHANGE)
-        d_torque, d_joint_momentum = x[6 + j] + change * bias_filter.friction_regressor[j], 0.0
-        torque_model.friction_factor[j] *= 1.0 + change
-        bias_filter.friction_regressor[j] *= 1.0 + change
-        if estimates_masses:
-            for k in range(n):
-                d_torque += x[first + k] * regressor[m * k + j]
-            for k in range(j, n):
-                link_momentum = dot6(motion.screw[j], H[k + 1])
-                link_momentum -= dot6(motion.screw[j], H[k + 2]) if k + 2 <= n else 0.0
-                d_joint_momentum += torque_model.inertia * x[first + k] * link_momentum
-        _shift_observer(observers.joints, j, d_torque, d_joint_momentum, K)
-        _shift_observer(
-            observers.torque_difference,
-            j,
-            d_torque - dot6(motion.screw[j], d_wrench),
-            d_joint_momentum - dot6(motion.screw[j], d_momentum),
-            K,
-        )
-    for s in range(first_body.shape[0]):
-        for i in range(6):
-            d_link, d_link_momentum = 0.0, 0.0
-            if estimates_masses:
-                for k in range(first_body[s] - 1, n):
-                    d_link += x[first + k] * regressor[m * k + n + i]
-                    d_link_momentum += x[first + k] * (H[k + 1, i] - (H[k + 2, i] if k + 2 <= n else 0.0))
-            _shift_observer(group_of(observers.links, s), i, d_link, d_link_momentum, K)
-            _shift_observer(
-                group_of(observers.link_difference, s),
-                i,
-                d_link - d_wrench[i],
-                d_link_momentum - d_momentum[i],
-                K,
-            )
-    for body in range(n + 1):
-        R, o = motion.rotation[body], motion.origin[body]
+        bias_filter.bias[i] += x[BASE_BIASES + i]
+        d_wrench[i], d_momentum[i] = -x[BASE_BIASES + i], 0.0
+    if not bias_filter.status[0].estimates_masses:
+        return
+    regressor = bias_filter.mass_regressor.residual
+    for k in range(n):
+        at = masses(n) + k
+        x[at] = max(x[at], MIN_RELATIVE_CHANGE)
+        model.mass[k + 1] *= 1.0 + x[at]
         for i in range(3):
-            d_force, d_moment = 0.0, 0.0
-            d_linear, d_angular = 0.0, 0.0
-            for k in range(3):
-                a, b = (k + 1) % 3, (k + 2) % 3
-                d_force += R[k, i] * d_wrench[k]
-                d_moment += R[k, i] * (d_wrench[3 + k] - o[a] * d_wrench[b] + o[b] * d_wrench[a])
-                d_linear += R[k, i] * d_momentum[k]
-                d_angular += R[k, i] * (d_momentum[3 + k] - o[a] * d_momentum[b] + o[b] * d_momentum[a])
-            _shift_observer(observers.base, 6 * body + i, d_force, d_linear, K)
-            _shift_observer(observers.base, 6 * body + 3 + i, d_moment, d_angular, K)
-    x[:] = 0.0
+            for j in range(3):
+                model.inertia[k + 1, i, j] *= 1.0 + x[at]
+        for i in range(6):
+            d_wrench[i] += x[at] * regressor[regressor_of(n, k) + n + i]
+            d_momentum[i] += x[at] * _link_momentum(motion.momentum, k, i)
+
+
+@kernel
+def _correct_joint(
+    bias_filter: BiasFilter,
+    torque_model: JointTorqueModel,
+    motion: Motion,
+    j: int,
+    K: float,
+    observers: Observers,
+) -> None:
+    """Correct bias and friction factor of joint j, and shift its observers, after `_correct_wrench`.
+
+    Arguments as for `apply_correction`; K: 2 pi bandwidth [1/s]."""
+    x, n = bias_filter.correction, torque_model.bias.shape[0]
+    d_wrench, d_momentum = bias_filter.wrench_correction[0], bias_filter.wrench_correction[1]
+    screw, H = motion.screw[j], motion.momentum
+    bias = x[TORQUE_BIASES + j]
+    torque_model.bias[j] += bias
+    # Zero where friction is not estimated.
+    change = max(x[friction_factors(n) + j], MIN_RELATIVE_CHANGE)
+    d_torque, d_joint_momentum = bias + change * bias_filter.friction_regressor[j], 0.0
+    torque_model.friction_factor[j] *= 1.0 + change
+    bias_filter.friction_regressor[j] *= 1.0 + change
+    if bias_filter.status[0].estimates_masses:
+        for k in range(n):
+            d_torque += x[masses(n) + k] * bias_filter.mass_regressor.residual[regressor_of(n, k) + j]
+        for k in range(j, n):
+            link_momentum = dot6(screw, H[k + 1])
+            link_momentum -= dot6(screw, H[k + 2]) if k + 2 <= n else 0.0
+            d_joint_momentum += torque_model.inertia * x[masses(n) + k] * link_momentum
+    _shift_observer(observers.joints, j, d_torque, d_joint_momentum, K)
+    d_torque -= dot6(screw, d_wrench)
+    d_joint_momentum -= dot6(screw, d_momentum)
+    _shift_observer(observers.torque_difference, j, d_torque, d_joint_momentum, K)
+
+
+@kernel
+def _correct_link_sensor(
+    bias_filter: BiasFilter,
+    motion: Motion,
+    first_body: int,
+    K: float,
+    observer: MomentumObserver,
+    difference: MomentumObserver,
+) -> None:
+    """Shift the observers of a link sensor that carries links `first_body` and beyond, after
+    `_correct_wrench`: of its wrench, and of its difference to the base wrench."""
+    x, n = bias_filter.correction, bias_filter.torque_variance.shape[0]
+    d_wrench, d_momentum = bias_filter.wrench_correction[0], bias_filter.wrench_correction[1]
+    for i in range(6):
+        d_link, d_link_momentum = 0.0, 0.0
+        if bias_filter.status[0].estimates_masses:
+            for k in range(first_body - 1, n):
+                regressor = bias_filter.mass_regressor.residual[regressor_of(n, k) + n + i]
+                d_link += x[masses(n) + k] * regressor
+                d_link_momentum += x[masses(n) + k] * _link_momentum(motion.momentum, k, i)
+        _shift_observer(observer, i, d_link, d_link_momentum, K)
+        _shift_observer(difference, i, d_link - d_wrench[i], d_link_momentum - d_momentum[i], K)
+
+
+@kernel
+def _correct_base(
+    bias_filter: BiasFilter, motion: Motion, body: int, K: float, observer: MomentumObserver
+) -> None:
+    """Shift the observer of the base wrench in the frame of a body, after `_correct_wrench`."""
+    d_wrench, d_momentum = bias_filter.wrench_correction[0], bias_filter.wrench_correction[1]
+    R, o = motion.rotation[body], motion.origin[body]
+    for i in range(3):
+        d_force, d_moment = 0.0, 0.0
+        d_linear, d_angular = 0.0, 0.0
+        for k in range(3):
+            a, b = (k + 1) % 3, (k + 2) % 3
+            d_force += R[k, i] * d_wrench[k]
+            d_moment += R[k, i] * (d_wrench[3 + k] - o[a] * d_wrench[b] + o[b] * d_wrench[a])
+            d_linear += R[k, i] * d_momentum[k]
+            d_angular += R[k, i] * (d_momentum[3 + k] - o[a] * d_momentum[b] + o[b] * d_momentum[a])
+        _shift_observer(observer, 6 * body + i, d_force, d_linear, K)
+        _shift_observer(observer, 6 * body + 3 + i, d_moment, d_angular, K)
 
 
 @kernel
