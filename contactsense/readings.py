@@ -8,7 +8,7 @@ from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.inverse_dynamics import inverse_dynamics
 from contactsense.kinematics.model import Motion, build_model, empty_motion
 from contactsense.robots.attribute_docs import with_attributes
-from contactsense.runtime.constants import model_with_tool
+from contactsense.runtime.arm_model import model_with_tool
 from contactsense.runtime.link_sensors import Mount, mounts
 from contactsense.scene import Scene
 from contactsense.sensors.validation import checked_vector

@@ -32,8 +32,8 @@ from contactsense.calibration.recording_residuals import (
 from contactsense.calibration.result import Calibration, Value, residual_statistics, scene_of
 from contactsense.calibration.torque_signal_meaning import compare_meanings, setting_warnings
 from contactsense.calibration.trimmed_fit import trimmed_fit
+from contactsense.kinematics.wrench_transform import wrench_transform
 from contactsense.residuals.momentum_observer import noise_variance_ratio
-from contactsense.runtime.constants import wrench_transform
 from contactsense.scene import Scene
 from contactsense.sensors.settings import CURRENTS
 

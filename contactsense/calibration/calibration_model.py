@@ -8,8 +8,9 @@ from scipy.spatial.transform import Rotation
 
 from contactsense.kinematics.model import Model
 from contactsense.kinematics.regressor import bodies_of, parameters_of
+from contactsense.kinematics.wrench_transform import wrench_transform
 from contactsense.residuals.joint_friction import JointTorqueModel, joint_torque_model
-from contactsense.runtime.constants import model_with_tool, wrench_transform
+from contactsense.runtime.arm_model import model_with_tool
 from contactsense.scene import Scene
 from contactsense.sensors.settings import JointTorqueSensor, WrenchSensor, per_joint
 

@@ -7,22 +7,21 @@ import numpy as np
 
 from contactsense.detection.thresholds import LONGEST_STEP_MS, stream_thresholds
 from contactsense.isolation.link_hypotheses import SensorModel
-from contactsense.kinematics.model import Model, build_model
+from contactsense.kinematics.model import Model
+from contactsense.kinematics.wrench_transform import wrench_transform
 from contactsense.localization.local_prior import DeviationCells
 from contactsense.localization.mean_surface import with_deviations
 from contactsense.localization.none_of_these import LeftOutLinks
 from contactsense.localization.surface_blocks import SurfaceBlocks, surface_blocks
 from contactsense.localization.surface_samples import SurfaceSamples, SurfaceSubsamples, sample_surface
 from contactsense.residuals.joint_friction import JointTorqueModel, joint_torque_model
-from contactsense.robots import Link, Robot
 from contactsense.robots.jit.declaration import Floats, Integers
-from contactsense.robots.rotations import cross_matrix
 from contactsense.robots.surface.convex_primitives import Surfaces
-from contactsense.robots.tool import join_inertia
+from contactsense.runtime.arm_model import model_with_tool
 from contactsense.runtime.deviation_cells import deviation_cells
 from contactsense.runtime.left_out_links import left_out_links, unsearched_surfaces
 from contactsense.runtime.link_prior import area_share, link_probability, log_link_density
-from contactsense.runtime.link_sensors import LinkSensors, link_sensors, mounts, tool_in_last_link
+from contactsense.runtime.link_sensors import LinkSensors, link_sensors, mounts
 from contactsense.runtime.reading_limits import ReadingLimits, reading_limits
 from contactsense.runtime.scene_surfaces import scene_surfaces, touchable_links
 from contactsense.scene import Scene
@@ -127,22 +126,6 @@ def build_constants(scene: Scene) -> Constants:
     )
 
 
-def model_with_tool(scene: Scene) -> Model:
-    """Kinematics and inertia of the scene's arm, the tool joined to the last link."""
-    robot = scene.robot
-    inertia = scene.link_inertia
-    inertia[-1] = join_inertia(inertia[-1], tool_in_last_link(scene))
-    robot_with_tool = Robot(
-        name=robot.name,
-        links=tuple(Link(link.name, body) for link, body in zip(robot.links, inertia, strict=True)),
-        joints=robot.joints,
-    )
-    model = build_model(robot_with_tool)
-    if scene.joint_torque is not None and scene.joint_torque.rotor_inertia is not None:
-        model = model._replace(rotor_inertia=np.array(scene.joint_torque.rotor_inertia))
-    return model
-
-
 def _sensors(scene: Scene) -> SensorModel:
     joints = len(scene.robot.joints)
     links = len(scene.link_names)
@@ -160,16 +143,3 @@ def _sensors(scene: Scene) -> SensorModel:
         torque_variance=per_joint(torque_noise, joints) ** 2,
         link_variance=np.array(link_noise, dtype=np.float64).reshape(-1, 2) ** 2,
     )
-
-
-def wrench_transform(rotation: np.ndarray, translation: np.ndarray) -> np.ndarray:
-    """6x6 matrix that transforms a wrench from a sensor's frame to base axes about the base origin.
-
-    Args:
-        rotation: Orientation of the sensor's frame in the base frame, shape (3, 3).
-        translation: Its origin in the base frame, shape (3,) [m].
-    """
-    found = np.zeros((6, 6))
-    found[:3, :3] = found[3:, 3:] = rotation
-    found[3:, :3] = cross_matrix(translation) @ rotation
-    return found

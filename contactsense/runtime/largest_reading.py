@@ -7,7 +7,7 @@ from scipy.optimize import Bounds, minimize
 
 from contactsense.kinematics.inverse_dynamics import inverse_dynamics
 from contactsense.kinematics.model import Model, empty_motion
-from contactsense.runtime.constants import model_with_tool
+from contactsense.runtime.arm_model import model_with_tool
 from contactsense.runtime.link_sensor_frame import LinkSensorFrame
 from contactsense.runtime.link_sensors import mounts
 from contactsense.runtime.weight import ArmWeight

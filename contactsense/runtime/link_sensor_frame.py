@@ -4,7 +4,8 @@ import numpy as np
 
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import Model, Motion, build_model, empty_motion
-from contactsense.runtime.constants import model_with_tool, wrench_transform
+from contactsense.kinematics.wrench_transform import wrench_transform
+from contactsense.runtime.arm_model import model_with_tool
 from contactsense.runtime.link_sensors import mounts
 from contactsense.scene import Scene
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contactsense.runtime.constants import wrench_transform
+from contactsense.kinematics.wrench_transform import wrench_transform
 from contactsense.runtime.link_sensor_frame import LinkSensorFrame, LoadWeight
 from contactsense.runtime.reading_limits import (
     LARGEST_FORCE,

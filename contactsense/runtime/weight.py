@@ -3,7 +3,7 @@
 import numpy as np
 
 from contactsense.robots.link_poses import link_poses
-from contactsense.runtime.constants import model_with_tool
+from contactsense.runtime.arm_model import model_with_tool
 from contactsense.scene import Scene
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from contactsense.runtime.constants import wrench_transform
+from contactsense.kinematics.wrench_transform import wrench_transform
 from contactsense.sensors.settings import WrenchSensor
 
 

@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from contactsense.calibration.calibration_model import CalibrationModel
 from contactsense.kinematics.regressor import parameters_of
+from contactsense.kinematics.wrench_transform import wrench_transform
 from contactsense.robots import Inertia
 from contactsense.robots.tool import move_inertia
-from contactsense.runtime.constants import wrench_transform
 from contactsense.runtime.link_sensors import mounts
 from contactsense.scene import JointTorqueSensor, Scene, WrenchSensor
 from contactsense.sensors.settings import Meaning

@@ -3,8 +3,9 @@
 import numpy as np
 
 from contactsense.kinematics.model import Motion
+from contactsense.kinematics.wrench_transform import wrench_transform
 from contactsense.residuals.joint_friction import unmodelled_torque_std
-from contactsense.runtime.constants import Constants, wrench_transform
+from contactsense.runtime.constants import Constants
 from contactsense.scene import Scene
 
 
