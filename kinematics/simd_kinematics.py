@@ -10,7 +10,7 @@ import numpy as np
 
 from contactsense.kinematics.model import Model, Motion
 from contactsense.kinematics.trigonometry import sine_and_versine
-from contactsense.robots.jit.array_views import block
+from contactsense.robots.jit.array_views import view
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.jit.lanes import LANES
 
@@ -55,7 +55,7 @@ def kinematics_in_lanes(
         lanes: Filled, see `empty_lanes`.
     """
     n, last = q.shape[1], q.shape[0] - 1
-    base = block(lanes, 0, (BODY,))
+    base = view(lanes, 0, (BODY,))
     for k in range(R00, V5 + LANES):
         base[k] = 0.0
     for k in range(LANES):
@@ -63,17 +63,17 @@ def kinematics_in_lanes(
         base[R11 + k] = 1.0
         base[R22 + k] = 1.0
     for j in range(n):
-        body = block(lanes, (j + 1) * BODY, (BODY,))
+        body = view(lanes, (j + 1) * BODY, (BODY,))
         for k in range(LANES):
             i = min(first + k, last)
             body[ANGLE + k] = q[i, j]
             body[SPEED + k] = qd[i, j]
-        _place_body(model, j, block(lanes, j * BODY, (2 * BODY,)))
+        _place_body(model, j, view(lanes, j * BODY, (2 * BODY,)))
     for j in range(n, -1, -1):
-        here = block(lanes, j * BODY, (BODY,))
+        here = view(lanes, j * BODY, (BODY,))
         _momentum_and_weight(model, j, gravity, here)
         if j < n:
-            distal = block(lanes, (j + 1) * BODY, (BODY,))
+            distal = view(lanes, (j + 1) * BODY, (BODY,))
             for k in range(H0, G5 + LANES):
                 here[k] += distal[k]
 
@@ -202,7 +202,7 @@ def motion_of_lane(lanes: np.ndarray, lane: int, motion: Motion) -> None:
         motion: Filled.
     """
     for b in range(motion.rotation.shape[0]):
-        body = block(lanes, b * BODY + lane, (BODY,))
+        body = view(lanes, b * BODY + lane, (BODY,))
         for i in range(3):
             for k in range(3):
                 motion.rotation[b, i, k] = body[R00 + LANES * (3 * i + k)]

@@ -36,7 +36,7 @@ from contactsense.kinematics.exponential import exponential
 from contactsense.kinematics.linalg.ldl import ldl_solve_unrolled
 from contactsense.kinematics.logarithm import logarithm
 from contactsense.kinematics.wrench_information import blocks, matvec, rotate_block, shift_information
-from contactsense.robots.jit.array_views import block as view
+from contactsense.robots.jit.array_views import view
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.vectors import tangents
 

@@ -11,7 +11,7 @@ from contactsense.residuals.momentum_observer import (
     in_step,
     start_step,
 )
-from contactsense.robots.jit.array_views import block
+from contactsense.robots.jit.array_views import view
 from contactsense.robots.jit.declaration import Sized
 from contactsense.robots.jit.kernel import inlined_kernel, kernel
 from contactsense.sensors.stream_state import BASE, TORQUE, TORQUE_DIFFERENCE
@@ -110,8 +110,8 @@ def parts_of(residuals: np.ndarray, joints: int, link_sensors: int) -> ResidualP
         residuals[:torque_difference],
         residuals[torque_difference:torque],
         residuals[torque:link_difference],
-        block(residuals, link_difference, (link_sensors, 6)),
-        block(residuals, link_wrench, (link_sensors, 6)),
+        view(residuals, link_difference, (link_sensors, 6)),
+        view(residuals, link_wrench, (link_sensors, 6)),
     )
 
 

@@ -10,7 +10,7 @@ from contactsense.kinematics.model import Model
 from contactsense.residuals.equations_of_motion import follow_errors
 from contactsense.residuals.joint_friction import JointTorqueModel, friction_torque, unmodelled_torque_std
 from contactsense.residuals.momentum_observer import MomentumObserver, Step, advance
-from contactsense.robots.jit.array_views import block
+from contactsense.robots.jit.array_views import view
 from contactsense.robots.jit.kernel import inlined_kernel, kernel
 from contactsense.robots.jit.lanes import LANES
 
@@ -56,7 +56,7 @@ def equations_in_lanes(
         lanes: After `contactsense.kinematics.simd_kinematics.kinematics_in_lanes`.
     """
     n, last = torque.shape[1], torque.shape[0] - 1
-    base = block(lanes, 0, (BODY,))
+    base = view(lanes, 0, (BODY,))
     for e in range(6):
         for k in range(LANES):
             base[WRENCH0 + LANES * e + k] = base_wrench[min(first + k, last), e] - bias[e]
@@ -64,7 +64,7 @@ def equations_in_lanes(
         base[TOTAL0 - H0 + k] = base[k]
     _base_equations(base)
     for j in range(n):
-        body = block(lanes, (j + 1) * BODY, (BODY,))
+        body = view(lanes, (j + 1) * BODY, (BODY,))
         for k in range(TOTAL0, BASE_MOMENTUM):
             body[k] = base[k]
         _base_equations(body)
@@ -165,7 +165,7 @@ def advance_base(
     """Advance the residual of the base sensor in the frame of every body by the sample of a lane; `step` as
     for `contactsense.residuals.momentum_observer.advance`."""
     for body in range(state.residual.shape[0] // 6):
-        values = block(lanes, body * BODY + lane, (BODY,))
+        values = view(lanes, body * BODY + lane, (BODY,))
         for i in range(6):
             at = LANES * i
             advance(state, 6 * body + i, values[BASE_MOMENTUM + at], values[BASE_DRIFT + at], step)
@@ -183,7 +183,7 @@ def advance_joints(
     """The same for the joint torques, and for the error of their model and their friction, see
     `contactsense.residuals.equations_of_motion.advance_torques`."""
     for j in range(unmodelled_std.shape[0]):
-        values = block(lanes, (j + 1) * BODY + lane, (BODY,))
+        values = view(lanes, (j + 1) * BODY + lane, (BODY,))
         advance(state, j, values[JOINT_MOMENTUM], values[JOINT_DRIFT], step)
         follow_errors(j, values[MODEL_STD], values[FRICTION], step, unmodelled_std, friction)
 
@@ -197,5 +197,5 @@ def advance_torque_difference(
 ) -> None:
     """The same for the differences of torques and base wrench."""
     for j in range(state.residual.shape[0]):
-        values = block(lanes, (j + 1) * BODY + lane, (BODY,))
+        values = view(lanes, (j + 1) * BODY + lane, (BODY,))
         advance(state, j, values[DIFFERENCE_MOMENTUM], values[DIFFERENCE_DRIFT], step)

@@ -4,7 +4,7 @@ import numpy as np
 
 from contactsense.residuals.equations_of_motion import wrench_difference
 from contactsense.residuals.observers import current_parts, parts_of
-from contactsense.robots.jit.array_views import block
+from contactsense.robots.jit.array_views import view
 from contactsense.robots.jit.kernel import inlined_kernel, kernel
 from contactsense.robots.surface.signed_distance_grid import Skin
 from contactsense.robots.vectors import cross, dot, rotate_back, subtract, vector
@@ -92,9 +92,9 @@ def localize(
 def _extrapolate_sliding(constants: Constants, state: State, row: np.ndarray) -> None:
     """Shift the best candidate to the present position of a sliding contact."""
     body = constants.sensors.depth[int(row[LINK])]
-    point, point_base = block(row, FIRST_POINT, (3,)), block(row, FIRST_POINT_BASE, (3,))
+    point, point_base = view(row, FIRST_POINT, (3,)), view(row, FIRST_POINT_BASE, (3,))
     extrapolate_sliding(
-        state.track, state.motion, body, point, point_base, block(row, FIRST_COVARIANCE, (3, 3))
+        state.track, state.motion, body, point, point_base, view(row, FIRST_COVARIANCE, (3, 3))
     )
 
 
@@ -107,7 +107,7 @@ def _store_last_contact(constants: Constants, state: State, row: np.ndarray) -> 
     track.status[0].last_body = body
     for i in range(3):
         track.last_point[i] = row[FIRST_POINT + i]
-    normal = rotate_back(R, vector(block(row, FIRST_NORMAL, (3,))))
+    normal = rotate_back(R, vector(view(row, FIRST_NORMAL, (3,))))
     for i in range(3):
         track.last_normal[i] = normal[i]
 
@@ -123,11 +123,11 @@ def _update_to_newest(constants: Constants, state: State, window: int, rows: np.
         link = int(row[LINK])
         body = constants.sensors.depth[link]
         wrench_difference(state.motion, track.mean[0], track.mean[window], body, wrench_change)
-        force, moment = vector(wrench_change), vector(block(wrench_change, 3, (3,)))
-        point = vector(block(row, FIRST_POINT_BASE, (3,)))
+        force, moment = vector(wrench_change), vector(view(wrench_change, 3, (3,)))
+        point = vector(view(row, FIRST_POINT_BASE, (3,)))
         for i in range(3):
             row[FIRST_FORCE + i] += force[i]
-        normal = vector(block(row, FIRST_NORMAL, (3,)))
+        normal = vector(view(row, FIRST_NORMAL, (3,)))
         row[TORSION] += dot(normal, subtract(moment, cross(point, force)))
         if k == 0:
             wrench, covariance = state.hypotheses.wrench[link], state.hypotheses.covariance[link]

@@ -10,9 +10,9 @@ from contactsense.kinematics.spatial import component_about, dot6
 from contactsense.residuals.bias_filter import update, update_is_due
 from contactsense.residuals.friction_at_rest import TorqueVariance, energy_beyond_static_friction
 from contactsense.residuals.model_correction import apply_correction
-from contactsense.residuals.observers import first_link_wrench, first_torque
+from contactsense.residuals.observers import first_torque, parts_of
 from contactsense.residuals.residual_ewma import share_in_average
-from contactsense.robots.jit.array_views import block, copy
+from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import inlined_kernel
 from contactsense.runtime.constants import Constants
 from contactsense.runtime.state import State
@@ -53,9 +53,8 @@ def energy_of_ewma(constants: Constants, state: State, has_torque: bool, link_se
     """
     n, count = state.torque.shape[0], state.link_wrench.shape[0]
     _fill_covariances(constants, state, state.ewma.status[0].variance_ratio)
-    torque = block(state.ewma.mean, first_torque(n), (n,))
-    link_wrench = block(state.ewma.mean, first_link_wrench(n, count), (count, 6))
-    return float(_energy_of(state, torque, link_wrench, has_torque, link_sensors))
+    mean = parts_of(state.ewma.mean, n, count)
+    return float(_energy_of(state, mean.torque, mean.link_wrench, has_torque, link_sensors))
 
 
 @inlined_kernel
@@ -85,20 +84,17 @@ def energy_of_change(
     n, count, energy = state.torque.shape[0], state.link_wrench.shape[0], 0.0
     average = state.ewma.status[0]
     variance_ratio += average.variance_ratio - 2.0 * average.residual_covariance
-    torque = block(state.ewma.mean, first_torque(n), (n,))
-    link_wrench = block(state.ewma.mean, first_link_wrench(n, count), (count, 6))
+    mean = parts_of(state.ewma.mean, n, count)
     if has_torque:
         for j in range(n):
             noise = constants.sensors.torque_variance[j] * state.noise_scale.noise[TORQUE].scale
-            energy += 0.5 * (state.torque[j] - torque[j]) ** 2 / (noise * variance_ratio)
+            energy += 0.5 * (state.torque[j] - mean.torque[j]) ** 2 / (noise * variance_ratio)
     for s in range(count):
         if link_sensors >> s & 1:
             for i in range(6):
-                row, noise = (
-                    component_about(state.link_origin[s], i),
-                    constants.sensors.link_variance[s, i // 3],
-                )
-                change = dot6(row, state.link_wrench[s]) - dot6(row, link_wrench[s])
+                row = component_about(state.link_origin[s], i)
+                noise = constants.sensors.link_variance[s, i // 3]
+                change = dot6(row, state.link_wrench[s]) - dot6(row, mean.link_wrench[s])
                 energy += 0.5 * change**2 / (noise * variance_ratio)
     return energy
 

@@ -20,7 +20,7 @@ def copy(values: np.ndarray, out: np.ndarray) -> None:
         out[i] = values[i]
 
 
-def block(buffer: np.ndarray, at: int, shape: tuple[int, ...]) -> np.ndarray:
+def view(buffer: np.ndarray, at: int, shape: tuple[int, ...]) -> np.ndarray:
     """`buffer[at : at + product(shape)].reshape(shape)` without bounds checks, in a tenth of the time.
 
     The view does not keep the buffer alive.
@@ -35,9 +35,9 @@ def records(buffer: np.ndarray, at: int, shape: tuple[int, ...], dtype: np.dtype
 
 
 # Numba assumes that a function which returns an array allocates. If `strict`, it demands the same annotations
-# of `_block`, which takes types, as of the function that it returns, which takes values.
-@overload(block, jit_options={"_nrt": True}, strict=False)  # type: ignore[typeddict-unknown-key]
-def _block(buffer: types.Type, at: types.Type, shape: types.Type) -> Callable[..., np.ndarray]:
+# of `_view`, which takes types, as of the function that it returns, which takes values.
+@overload(view, jit_options={"_nrt": True}, strict=False)  # type: ignore[typeddict-unknown-key]
+def _view(buffer: types.Type, at: types.Type, shape: types.Type) -> Callable[..., np.ndarray]:
     return lambda buffer, at, shape: _array_view(buffer, at, shape)  # type: ignore[call-arg]
 
 
@@ -72,8 +72,8 @@ def _generator(kind: Any) -> Any:
         strides = [size]
         for length in reversed(lengths[1:]):
             strides.insert(0, builder.mul(strides[0], length))
-        view = cgutils.create_struct_proxy(kind)(target, builder)  # type: ignore[no-untyped-call]
-        populate_array(view, data, lengths, strides, size, None)  # type: ignore[no-untyped-call]
-        return view._getvalue()
+        made = cgutils.create_struct_proxy(kind)(target, builder)  # type: ignore[no-untyped-call]
+        populate_array(made, data, lengths, strides, size, None)  # type: ignore[no-untyped-call]
+        return made._getvalue()
 
     return generate

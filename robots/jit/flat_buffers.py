@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from contactsense.robots.jit.array_views import block, records
+from contactsense.robots.jit.array_views import records, view
 from contactsense.robots.jit.declaration import WORD, Leaf, Node, fields_of
 from contactsense.robots.jit.kernel import generated_kernel
 
@@ -103,7 +103,7 @@ def views_kernel(name: str, kinds: tuple[type, ...], sizes: tuple[str, ...], mod
         "    floats, integers = buffers",
         *(f"    {size} = integers[{i}]" for i, size in enumerate(sizes)),
     ]
-    names: dict[str, Any] = {"block": block, "records": records}
+    names: dict[str, Any] = {"view": view, "records": records}
     fields = itertools.count(len(sizes))
 
     def value(part: Node | Leaf) -> str:
@@ -114,9 +114,9 @@ def views_kernel(name: str, kinds: tuple[type, ...], sizes: tuple[str, ...], mod
         if part.by_value:
             return f"floats[integers[{field}]]"
         if part.dtype == np.int64:
-            return f"block(integers, integers[{field}], {shape})"
+            return f"view(integers, integers[{field}], {shape})"
         if part.dtype == np.float64:
-            return f"block(floats, integers[{field}], {shape})"
+            return f"view(floats, integers[{field}], {shape})"
         names[f"dtype{field}"] = part.dtype
         lines.append(f"    x{field} = records(floats, integers[{field}], {shape}, dtype{field})")
         # The comment makes the layout a part of the source, whose change invalidates the cache.

@@ -10,7 +10,7 @@ import numpy as np
 from contactsense.kinematics.linalg.ldl import ldl_solve_unrolled
 from contactsense.kinematics.spatial import Six
 from contactsense.kinematics.wrench_information import matvec, rotate_block, shift_information
-from contactsense.robots.jit.array_views import block as view
+from contactsense.robots.jit.array_views import view
 from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
 from contactsense.robots.jit.lanes import HALF, LANES
 from contactsense.robots.surface.convex_primitives import REVOLVED, project

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from contactsense.robots.jit.array_views import block, copy
+from contactsense.robots.jit.array_views import copy, view
 from contactsense.robots.jit.kernel import kernel
 
 
@@ -18,7 +18,7 @@ def test_copy_fills_the_output(kind: type) -> None:
 def _blocks(
     buffer: np.ndarray, at: int, a: int, b: int, c: int
 ) -> tuple[float, float, float, tuple[int, ...], tuple[int, ...], tuple[int, ...]]:
-    one, two, three = block(buffer, at, (a,)), block(buffer, at, (a, b)), block(buffer, at, (a, b, c))
+    one, two, three = view(buffer, at, (a,)), view(buffer, at, (a, b)), view(buffer, at, (a, b, c))
     three[a - 1, b - 1, c - 1] *= 2
     return one.sum(), two[a - 1].sum(), three[0, b - 1].sum(), one.shape, two.shape, three.shape
 
@@ -35,4 +35,4 @@ def test_a_block_is_the_slice_in_that_shape(kind: type) -> None:
         assert found[:3] == (one.sum(), two[a - 1].sum(), three.reshape(shape)[0, b - 1].sum())
         assert found[3:] == ((a,), (a, b), shape)
         np.testing.assert_array_equal(buffer, expected)
-        np.testing.assert_array_equal(block(buffer, at, shape), three.reshape(shape))
+        np.testing.assert_array_equal(view(buffer, at, shape), three.reshape(shape))
