@@ -67,7 +67,7 @@ def fit_robust(
     k = len(prior)
     sigma, tau = np.full(channels, np.nan), np.ones(channels)
     weights = [row.moving.astype(float) for row in rows]
-    _scale([row.residual for row in rows], weights, rows, sigma)
+    _scale([row.residual for row in rows], rows, sigma)
     step = np.zeros(k)
     for iteration in range(_ITERATIONS):
         H, g = _normal_equations(rows, weights, sigma, tau, k)
@@ -77,7 +77,7 @@ def fit_robust(
         step = np.zeros(k)
         step[free] = np.linalg.solve(A, -(g + precision * offset)[free])
         residuals = [row.residual + row.slope @ step[row.columns] for row in rows]
-        _scale(residuals, weights, rows, sigma)
+        _scale(residuals, rows, sigma)
         for i, row in enumerate(rows):
             if row.moving.any():
                 ratio = _HUBER * sigma[row.channel] / np.maximum(np.abs(residuals[i]), 1e-300)
@@ -111,10 +111,8 @@ def fit_robust(
     return RobustFit(step, covariance, H, sigma, float(cost))
 
 
-def _scale(
-    residuals: list[np.ndarray], weights: list[np.ndarray], rows: list[Rows], sigma: np.ndarray
-) -> None:
-    """Robust standard deviation of each equation from the median absolute residual."""
+def _scale(residuals: list[np.ndarray], rows: list[Rows], sigma: np.ndarray) -> None:
+    """Fill `sigma` with the robust standard deviation of each equation, from the median absolute residual."""
     for c in range(len(sigma)):
         parts = [np.abs(r[row.moving]) for r, row in zip(residuals, rows, strict=True) if row.channel == c]
         values = np.concatenate(parts) if parts else np.empty(0)

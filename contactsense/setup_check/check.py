@@ -283,7 +283,7 @@ def _not_recorded(
 ) -> list[Finding]:
     """Lines of sensors that the scene has and a recording lacks, or of which it cannot be used."""
     missing = [field for field in wrench_fields(scene) if field not in readings.wrenches]
-    found = [line for field in missing for line in sensor_lines(scene, field) if not line.endswith(".range")]
+    found = [line for field in missing for line in sensor_lines(field) if not line.endswith(".range")]
     if scene.joint_torque is not None and readings.torque is None:
         found += TORQUE_LINES
     return [

@@ -23,7 +23,7 @@ TORQUE_LINES: tuple[Line, ...] = ("joint_torque.sign", "joint_torque.signal", "j
 
 def lines(scene: Scene) -> tuple[Line, ...]:
     """All lines of a scene that can be checked, in the order in which they are reported."""
-    sensors = [line for field in wrench_fields(scene) for line in sensor_lines(scene, field)]
+    sensors = [line for field in wrench_fields(scene) for line in sensor_lines(field)]
     return (*_ARM, *sensors, *TORQUE_LINES)
 
 
@@ -32,7 +32,7 @@ def wrench_fields(scene: Scene) -> tuple[str, ...]:
     return (*(() if scene.base_wrench is None else (BASE,)), *scene.link_sensors)
 
 
-def sensor_lines(scene: Scene, field: str) -> tuple[Line, ...]:
+def sensor_lines(field: str) -> tuple[Line, ...]:
     """Lines of one force/torque sensor."""
     last = field.rpartition(".")[2].removesuffix("_wrench")
     signals = (f"{last} wrench: order of axes", f"{last} wrench: force and moment")
@@ -46,7 +46,7 @@ def sensor_lines(scene: Scene, field: str) -> tuple[Line, ...]:
 
 def sensor_of(scene: Scene, line: Line) -> str | None:
     """Field of the force/torque sensor that a line is about; None: it is about none."""
-    found = [field for field in wrench_fields(scene) if line in sensor_lines(scene, field)]
+    found = [field for field in wrench_fields(scene) if line in sensor_lines(field)]
     return found[0] if found else None
 
 
@@ -180,7 +180,7 @@ class Hypotheses:
             "force and moment": Hypothesis("", (("the moment comes first", exchanged),)),
             "link": Hypothesis("", tuple(changed(body=body) for body in others)),
         }
-        names = {line: re.split(r"\.|: ", line)[-1] for line in sensor_lines(self._scene, field)}
+        names = {line: re.split(r"\.|: ", line)[-1] for line in sensor_lines(field)}
         return [replace(found[name], line=line) for line, name in names.items() if name in found]
 
 

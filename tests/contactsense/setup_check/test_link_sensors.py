@@ -113,7 +113,7 @@ def test_a_sensor_at_its_range_is_not_used(field: str) -> None:
     case = wrong_setup(range_kind(field), "ur5e", 2, DRAWN, field)
     found = check(case.scene, [case.recording])
     assert [item.line for item in found.wrong] == [f"{field}.range"]
-    own = set(sensor_lines(case.scene, field))
+    own = set(sensor_lines(field))
     assert {item.line for item in found.findings} & own == own
     assert all(item.verdict == "cannot_tell" for item in found.findings[1:] if item.line in own)
     assert field not in found.residuals.links
