@@ -137,12 +137,17 @@ def end_contact(track: ContactTrack) -> None:
 def restart_windows(track: ContactTrack) -> None:
     """Restart all windows from the newest residual and forget the links, after a change of contact."""
     track.link_weight[:] = 0.0
-    newest = track.windows[0]
     for i in range(1, WINDOWS):
-        copy(track.mean[0], track.mean[i])
-        window = track.windows[i]
-        window.variance_ratio, window.residual_covariance = newest.variance_ratio, newest.residual_covariance
-        window.samples = 1.0
+        _restart_window(track, i)
+
+
+@kernel
+def _restart_window(track: ContactTrack, i: int) -> None:
+    """Let window i hold the newest residual, window 0, alone."""
+    copy(track.mean[0], track.mean[i])
+    window, newest = track.windows[i], track.windows[0]
+    window.variance_ratio, window.residual_covariance = newest.variance_ratio, newest.residual_covariance
+    window.samples, window.age = 1.0, newest.age
 
 
 @kernel
@@ -187,9 +192,7 @@ def average_windows(
             window.samples, window.age = average.samples, average.age
             continue
         if restart:
-            copy(residual, track.mean[i])
-            window.variance_ratio = window.residual_covariance = variance_ratio
-            window.samples, window.age = 1.0, newest.age
+            _restart_window(track, i)
             continue
         window.samples += 1.0
         weight = 1.0 / window.samples

@@ -23,6 +23,7 @@ from contactsense.tracking.contact_tracker import (
     _window_positions,
     average_windows,
     choose_window,
+    restart_windows,
 )
 from tests.plain_arm import plain_ur5e
 
@@ -307,3 +308,20 @@ def test_a_sustained_contact_begins_with_the_average_that_showed_it(sustained: b
     else:
         np.testing.assert_array_equal(track.mean[1:], np.tile(track.mean[0], (WINDOWS - 1, 1)))
         assert track.status[0].window == 0
+
+
+def test_restarted_windows_hold_the_newest_residual_alone() -> None:
+    """Its age included: with that of what they held before, a contact at rest would seem to slide."""
+    track = zeros(ContactTrack, joints=6, link_sensors=0, links=6)
+    for i in range(WINDOWS):
+        track.mean[i] = i
+        window = track.windows[i]
+        window.samples, window.age, window.variance_ratio, window.residual_covariance = i + 2, i + 3, i + 4, 7
+    track.link_weight[:] = 1.0
+    restart_windows(track)
+    np.testing.assert_array_equal(track.mean, 0.0)
+    for i in range(1, WINDOWS):
+        window = track.windows[i]
+        found = (window.samples, window.age, window.variance_ratio, window.residual_covariance)
+        assert found == (1.0, 3.0, 4.0, 7.0)
+    np.testing.assert_array_equal(track.link_weight, 0.0)
