@@ -23,15 +23,14 @@ class UnknownRobotError(RobotError):
 
 
 def names() -> tuple[str, ...]:
-    """Names of the arms in the library."""
-    return tuple(
-        sorted(path.stem for path in _folder().glob("*.yaml") if not path.name.endswith(".surface.yaml"))
-    )
+    """Names of the arms in the library, in the order of their numbers."""
+    paths = (path for path in _folder().glob("*.yaml") if not path.name.endswith(".surface.yaml"))
+    return tuple(sorted((path.stem for path in paths), key=_number))
 
 
 def known_names() -> tuple[str, ...]:
     """All names that `load` knows: `names` and the models that are one of these arms."""
-    return tuple(sorted((*names(), *EQUIVALENT_MODELS)))
+    return tuple(sorted((*names(), *EQUIVALENT_MODELS), key=_number))
 
 
 def load(name: str | Path) -> Robot:
@@ -106,6 +105,11 @@ def in_library(robot: Robot) -> bool:
 def surface_file(name: str) -> Path:
     """Path of the surface file of an arm in the library."""
     return _folder() / f"{name}.surface.yaml"
+
+
+def _number(name: str) -> tuple[int, str]:
+    """The key that sorts ur5e before ur10."""
+    return int("".join(filter(str.isdigit, name)) or 0), name
 
 
 def _folder() -> Path:

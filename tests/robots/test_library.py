@@ -13,12 +13,15 @@ from tests.shared import truth
 
 DH = {
     # d1, a2, a3, d4, d5, d6 as the maker publishes them [m].
+    "ur3": (0.1519, -0.24365, -0.21325, 0.11235, 0.08535, 0.0819),
     "ur3e": (0.15185, -0.24355, -0.2132, 0.13105, 0.08535, 0.0921),
+    "ur5": (0.089159, -0.425, -0.39225, 0.10915, 0.09465, 0.0823),
     "ur5e": (0.1625, -0.425, -0.3922, 0.1333, 0.0997, 0.0996),
+    "ur10": (0.1273, -0.612, -0.5723, 0.163941, 0.1157, 0.0922),
     "ur10e": (0.1807, -0.6127, -0.57155, 0.17415, 0.11985, 0.11655),
     "ur16e": (0.1807, -0.4784, -0.36, 0.17415, 0.11985, 0.11655),
-    "ur30": (0.2363, -0.637, -0.5037, 0.201, 0.1593, 0.1543),
     "ur20": (0.2363, -0.862, -0.7287, 0.201, 0.1593, 0.1543),
+    "ur30": (0.2363, -0.637, -0.5037, 0.201, 0.1593, 0.1543),
 }
 GOOD = """
 name: two_bars
@@ -62,7 +65,7 @@ def test_flange_is_where_denavit_and_hartenberg_put_it(name: str) -> None:
 
 
 def test_names_and_links() -> None:
-    assert robots.names() == tuple(sorted(DH))
+    assert robots.names() == tuple(DH)
     assert robots.load("ur5e").link_names == (
         "base", "shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3",
     )  # fmt: skip
@@ -87,7 +90,9 @@ def test_agrees_with_the_ground_truth(name: str) -> None:
 
 
 def test_unknown_name_lists_the_known_ones() -> None:
-    with pytest.raises(robots.UnknownRobotError, match=r"'ur7'; there are ur10e, .*ur5e"):
+    with pytest.raises(
+        robots.UnknownRobotError, match=r"'ur7'; there are ur3, ur3e, ur5, .*ur7e, ur10, .*ur30, or"
+    ):
         robots.load("ur7")
 
 

@@ -58,7 +58,7 @@ def test_robots_draws_one(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "status", "message"),
     [
-        (["robots", "ur7"], 1, "there are ur10e"),
+        (["robots", "ur7"], 1, "there are ur3, ur3e"),
         (["robots", "--picture", "x.png"], 2, "needs the NAME"),
         (["robots", "ur5e", "--pose", "0,0,0,0,0,0"], 2, "--pose needs --picture"),
         (["robots", "ur5e", "--coarse"], 2, "--coarse needs --picture"),
