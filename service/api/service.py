@@ -163,8 +163,8 @@ class Service:
             found.append(f"{self.journal.error}: events are in memory only; is the disk full?")
         return found
 
-    def _note_webhook(self, name: str, ok: bool, reason: str) -> None:
-        event = self.reactions.note_webhook(name, ok, reason)
+    def _note_webhook(self, name: str, ok: bool, reason: str, t: float) -> None:
+        event = self.reactions.note_webhook(name, ok, reason, t)
         self.record(event.model_copy(update={"time": utc_now()}))
 
     def record(self, event: ContactEvent) -> None:

@@ -29,6 +29,9 @@ _BLIND = 0.1
 """Time without an estimate after which the degraded bit is set [s]."""
 _RESTORE = 1.0
 """Longest wait for the service to send the collisions latched before this process started [s]."""
+_FREE = 1.0
+"""Time without contact after which the slider that an earlier process has lowered is raised [s]: a force that
+still acts is found before."""
 
 
 class ReactionListener:
@@ -47,6 +50,8 @@ class ReactionListener:
         self._executor = ExecutorClient(executed, host or "")
         self._decision: Decision | None = None
         self._slider_due: float | None = None  # fraction that the controller does not have yet
+        self._left_low = False  # by an earlier process, which did not see the end of the level
+        self._free_since: float | None = None  # on the robot's clock
         self._beat = False
         self._estimated = False
         self._degraded = True
@@ -69,8 +74,10 @@ class ReactionListener:
         if decisions or self._decision is not None:
             self._write()
             self._carry_out(decisions)
-        if any(decision.level == "collision" for decision in decisions):
-            self._report_state()  # at once: a latch must survive any later failure
+        if self._left_low:
+            self._raise_slider(estimate)
+        if decisions:
+            self._report_state()  # at once: a latch and a lowered slider must survive any later failure
 
     def tick(self, now: float) -> None:
         """Handle heartbeat, connections, results, and outputs of the robot program."""
@@ -111,6 +118,7 @@ class ReactionListener:
             self.withdraw(message.get("name"))
         elif kind == "restore":
             self._restore([Decision(**{k: _tupled(v) for k, v in d.items()}) for d in message["decisions"]])
+            self._left_low = self._slider is not None and message.get("lowered", False)
         else:
             return
         self._report_state(answer=message.get("id"))
@@ -211,7 +219,7 @@ class ReactionListener:
         elif isinstance(action, SpeedSliderAction):
             value = action.fraction if begins else action.restore
             # While another level wants the arm to be slow, the end of this one changes nothing.
-            held = not begins and any(name in active.actions for active in self._engine.active)
+            held = not begins and self._lowers_slider
             if value is not None and not held and self._inputs is not None:
                 self._health[name].started += 1
                 self._slider_due = value
@@ -264,8 +272,28 @@ class ReactionListener:
     def _lower_slider_again(self) -> None:
         """After a lost connection the controller may have restarted. Once the level has ended, the slider
         belongs to whoever has moved it since."""
-        if self._slider is not None and any(self._slider_name in d.actions for d in self._engine.active):
+        if self._slider is not None and self._lowers_slider:
             self._slider_due = self._slider.fraction
+
+    def _raise_slider(self, estimate: Estimate) -> None:
+        """Raise the slider that an earlier process has lowered, once this one knows that no force acts; a
+        level that is active raises it at its end."""
+        assert self._slider is not None
+        if self._lowers_slider:
+            self._left_low = False
+        elif estimate.status != "none":
+            self._free_since = None
+        elif self._free_since is None or estimate.t < self._free_since:
+            self._free_since = estimate.t
+        elif estimate.t - self._free_since >= _FREE:
+            self._left_low, self._slider_due = False, self._slider.restore
+            if self._inputs is not None:
+                self._write_slider()
+
+    @property
+    def _lowers_slider(self) -> bool:
+        """Whether an active level wants the arm to be slow."""
+        return any(self._slider_name in decision.actions for decision in self._engine.active)
 
     def _write_slider(self) -> None:
         """Write the fraction that is due, if there is one and the controller can take it now."""
@@ -294,6 +322,7 @@ class ReactionListener:
                 "answer": answer,
                 "restored": self._informed,
                 "active": [decision.as_dict() for decision in self._engine.active],
+                "lowered": self._left_low or (self._slider is not None and self._lowers_slider),
                 "expected": list(self._engine.windows),
                 "actions": {name: health.model_dump() for name, health in self._health.items()},
             }

@@ -84,6 +84,7 @@ class Reactions:
         self.replace(rules)
         self._report: dict[str, Any] = {"active": [], "expected": [], "actions": {}}
         self._latched: list[dict[str, Any]] = []
+        self._lowered = False
         self.on_latched: Callable[[list[dict[str, Any]]], None] | None = None
         """Called with the latched collisions whenever they change."""
         self._answers: dict[str, asyncio.Event] = {}
@@ -137,8 +138,10 @@ class Reactions:
     def handle_report(self, report: dict[str, Any]) -> None:
         """Process a report of type `reactions` from the pipeline's process."""
         if report["started"]:  # a new process: restore the latched collisions
-            self._send({"type": "restore", "decisions": self._latched})
+            self._send({"type": "restore", "decisions": self._latched, "lowered": self._lowered})
             return
+        # One that has not been told yet does not know what the process before has left.
+        self._lowered = report["lowered"] or (self._lowered and not report["restored"])
         if not report["restored"]:  # its latches are not complete yet
             earlier = [decision for decision in self._latched if decision not in report["active"]]
             report = {**report, "active": [*earlier, *report["active"]]}
@@ -151,13 +154,17 @@ class Reactions:
         if report["answer"] in self._answers:
             self._answers[report["answer"]].set()
 
-    def note_webhook(self, name: str, ok: bool, reason: str) -> ContactEvent:
-        """Record the result of a delivery; returns the event that reports it."""
+    def note_webhook(self, name: str, ok: bool, reason: str, t: float) -> ContactEvent:
+        """Record the result of a delivery; returns the event that reports it.
+
+        `t`: time of the sample whose decision is delivered, on the robot's clock [s].
+        """
         health = self._webhook_health.setdefault(name, ActionHealth(type="webhook"))
         health.started += 1
         health.failed += not ok
         health.state, health.error = ("ok", "") if ok else ("failing", reason)
-        return ContactEvent(kind="action", action=name, reason=f"{'done' if ok else 'failed'}: {reason}")
+        words = f"{'done' if ok else 'failed'}: {reason}"
+        return ContactEvent(kind="action", t=t, action=name, reason=words)
 
     def acknowledge(self, rule: str | None = None, by: str = "the service") -> bool:
         """Clear the latched collisions of all rules or of one; returns False if no pipeline runs."""

@@ -42,7 +42,8 @@ class WebhookDelivery:
     Args:
         journal: The journal with the outbox.
         webhooks: Name -> webhook.
-        on_result: Called with the name, whether an attempt succeeded, and what to report.
+        on_result: Called with the name, whether an attempt succeeded, what to report, and the time of the
+            decision's sample on the robot's clock [s].
         delays: See `DELAYS`.
     """
 
@@ -50,7 +51,7 @@ class WebhookDelivery:
         self,
         journal: Journal,
         webhooks: Mapping[str, WebhookAction],
-        on_result: Callable[[str, bool, str], None],
+        on_result: Callable[[str, bool, str, float], None],
         delays: Sequence[float] = DELAYS,
     ) -> None:
         self._journal, self._webhooks, self._on_result = journal, dict(webhooks), on_result
@@ -92,7 +93,8 @@ class WebhookDelivery:
                     (name, f"msg_{uuid.uuid4().hex}", text, time.time() + self._delays[0]),
                 )
         except sqlite3.Error as error:  # such as a full disk
-            self._on_result(name, False, f"lost, as the journal cannot be written: {error}")
+            reason = f"lost, as the journal cannot be written: {error}"
+            self._on_result(name, False, reason, float(decision["t"]))
             return
         if name in self._news:  # a reload may have removed it
             self._news[name].set()
@@ -126,7 +128,8 @@ class WebhookDelivery:
             # Where the journal cannot be written, as on a full disk, the delivery must not be repeated.
             while not self._settle(name, number, attempts + 1, ok, status):
                 await asyncio.sleep(_POLL)
-            self._on_result(name, ok, self._words(reason, ok, status, attempts + 1))
+            t = float(json.loads(body)["data"]["t"])
+            self._on_result(name, ok, self._words(reason, ok, status, attempts + 1), t)
 
     def _next(self, name: str) -> tuple[int, str, str, int] | None:
         with self._journal.lock:

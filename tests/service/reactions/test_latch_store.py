@@ -24,7 +24,7 @@ def latch(rule: str = "arm") -> dict[str, Any]:
 def report(*active: dict[str, Any], restored: bool = True) -> dict[str, Any]:
     return {
         "started": False, "answer": None, "restored": restored, "active": list(active), "expected": [],
-        "actions": {},
+        "actions": {}, "lowered": False,
     }  # fmt: skip
 
 
@@ -62,7 +62,7 @@ def test_saved_when_it_changes_and_sent_to_each_new_process() -> None:
     reactions.restore([latch()])
     assert [found.link for found in reactions.latches] == ["forearm"]
     reactions.handle_report({**report(), "started": True})
-    assert sent == [{"type": "restore", "decisions": [latch()]}]
+    assert sent == [{"type": "restore", "decisions": [latch()], "lowered": False}]
     reactions.handle_report(report(restored=False))  # the process does not know it yet
     assert len(reactions.latches) == 1
     assert not saved

@@ -281,6 +281,35 @@ def test_a_latch_is_reported_at_once_and_restored_by_the_next_process() -> None:
             second.listener.close()
 
 
+@pytest.mark.parametrize("ended", [True, False])
+def test_a_slider_that_an_earlier_process_has_lowered_is_raised_once_no_force_acts(ended: bool) -> None:
+    """It stayed low if the force ended while no process ran."""
+    with rtde_server() as server:
+        first = Play(server)
+        first.until(lambda: first.code() == 0)
+        first.step(estimate(0.0, contact(newtons=20.0)))
+        assert first.state()["lowered"]
+        first.until(lambda: first.inputs.get("speed_slider_fraction") == (0.1,))
+        first.listener.close()
+        second = Play(server)
+        try:
+            second.listener.command({"type": "restore", "decisions": [], "lowered": True})
+            second.until(lambda: second.code() == 0)
+            assert second.state()["lowered"]
+            force = () if ended else (contact(newtons=20.0),)
+            for t in (5.0, 5.5, 5.9):
+                second.step(estimate(t, *force))
+            assert second.inputs["speed_slider_fraction"] == (0.1,)
+            second.step(estimate(6.1, *force))
+            for _ in range(0 if ended else 50):
+                second.listener.tick(time.monotonic())
+                time.sleep(0.002)
+            second.until(lambda: second.inputs["speed_slider_fraction"] == ((1.0,) if ended else (0.1,)))
+            second.until(lambda: second.state()["lowered"] != ended)
+        finally:
+            second.listener.close()
+
+
 def test_a_latch_whose_rule_is_gone_is_told_and_dropped() -> None:
     with rtde_server() as server:
         made = Play(server)

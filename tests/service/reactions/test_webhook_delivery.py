@@ -18,7 +18,7 @@ from contactsense.service.reactions.actions.webhook import WebhookAction, decode
 from contactsense.service.reactions.webhook_delivery import WebhookDelivery
 
 SECRET = "whsec_MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSw"
-DECISION = {"rule": "arm", "level": "collision", "kind": "begin", "link": "forearm", "force": 60.0}
+DECISION = {"rule": "arm", "level": "collision", "kind": "begin", "link": "forearm", "force": 60.0, "t": 3.5}
 
 
 @pytest.fixture(autouse=True)
@@ -76,10 +76,12 @@ def deliver(
     """Run a delivery until `done`; what it told."""
     told: list[tuple[bool, str]] = []
 
+    def tell(_: str, ok: bool, reason: str, t: float) -> None:
+        assert t == DECISION["t"]
+        told.append((ok, reason))
+
     async def scenario() -> None:
-        delivery = WebhookDelivery(
-            journal, {"hook": webhook}, lambda _, ok, reason: told.append((ok, reason)), (0.0, 0.05, 0.05)
-        )
+        delivery = WebhookDelivery(journal, {"hook": webhook}, tell, (0.0, 0.05, 0.05))
         delivery.start()
         for _ in range(enqueue):
             delivery.enqueue("hook", DECISION)
@@ -158,7 +160,7 @@ def test_on_a_full_disk_a_webhook_is_told_to_be_lost(tmp_path: Path) -> None:
         (pages,) = journal.database.execute("PRAGMA page_count").fetchone()
         journal.database.execute(f"PRAGMA max_page_count = {pages}")
         delivery = WebhookDelivery(
-            journal, {"hook": hook(1)}, lambda _, ok, reason: told.append((ok, reason)), (0.0,)
+            journal, {"hook": hook(1)}, lambda _, ok, reason, t: told.append((ok, reason)), (0.0,)
         )
         for _ in range(10):
             delivery.enqueue("hook", {**DECISION, "link": "x" * 2000})
@@ -172,7 +174,9 @@ def test_on_a_full_disk_nothing_is_posted_twice(tmp_path: Path) -> None:
 
         async def scenario() -> None:
             webhooks = {"hook": hook(server.server_port)}
-            delivery = WebhookDelivery(journal, webhooks, lambda _, ok, reason: told.append(ok), (0.0, 0.0))
+            delivery = WebhookDelivery(
+                journal, webhooks, lambda _, ok, reason, t: told.append(ok), (0.0, 0.0)
+            )
             delivery.enqueue("hook", DECISION)
             journal.database.execute("PRAGMA query_only = ON")
             delivery.start()
