@@ -251,6 +251,82 @@ def _other_arm(scene: Scene, recording: FreeMotion, _: np.random.Generator) -> t
     return scene.model_copy(update={"robot": robots.load(_OTHER_ARM[scene.robot.name])}), recording
 
 
+def _torque(scene: Scene, **changes: object) -> Scene:
+    assert scene.joint_torque is not None
+    return scene.model_copy(update={"joint_torque": scene.joint_torque.model_copy(update=changes)})
+
+
+def _scaled_torques(
+    scene: Scene, recording: FreeMotion, rng: np.random.Generator
+) -> tuple[Scene, FreeMotion]:
+    assert recording.torque is not None
+    factor = float(rng.choice([1.3, 1.0 / 1.3, 100.0, 1.0 / 9.80665]))
+    return _torque(scene, signal=_SIGNALS[0]), replace(recording, torque=factor * recording.torque)
+
+
+def _other_constants(
+    scene: Scene, recording: FreeMotion, rng: np.random.Generator
+) -> tuple[Scene, FreeMotion]:
+    assert recording.torque is not None
+    factor = float(rng.uniform(1.25, 2.0) ** rng.choice([-1.0, 1.0]))
+    constants = tuple(factor * x for x in _CONSTANTS)
+    changed = _torque(scene, signal=_SIGNALS[1], torque_constants=constants)
+    return changed, replace(recording, torque=factor * recording.torque)
+
+
+def _frozen_torque(scene: Scene, recording: FreeMotion, rng: np.random.Generator) -> tuple[Scene, FreeMotion]:
+    assert recording.torque is not None
+    torque, joint = recording.torque.copy(), int(rng.integers(6))
+    torque[:, joint] = torque[0, joint] * int(rng.integers(2))
+    return scene, replace(recording, torque=torque)
+
+
+def _silent_torque(scene: Scene, recording: FreeMotion, rng: np.random.Generator) -> tuple[Scene, FreeMotion]:
+    assert recording.torque is not None
+    torque = recording.torque.copy()
+    torque[:, int(rng.integers(6))] = rng.normal(0.0, 1.0, len(torque))
+    return scene, replace(recording, torque=torque)
+
+
+def _other_unit(scene: Scene, recording: FreeMotion, rng: np.random.Generator) -> tuple[Scene, FreeMotion]:
+    assert recording.reading is not None
+    factor = 1.0 / float(rng.choice([9.80665, 4.4482216]))
+    moment = factor if rng.random() < 0.5 else 1.0
+    return scene, replace(recording, reading=recording.reading * np.repeat([factor, moment], 3))
+
+
+def _one_reversed(scene: Scene, recording: FreeMotion, rng: np.random.Generator) -> tuple[Scene, FreeMotion]:
+    assert recording.reading is not None
+    signs = 1.0 - 2.0 * np.eye(6)[int(rng.integers(6))]
+    return scene, replace(recording, reading=recording.reading * signs)
+
+
+def _exchanged_joints(rng: np.random.Generator) -> np.ndarray:
+    order, (a, b) = np.arange(6), rng.choice(6, 2, replace=False)
+    order[[a, b]] = order[[b, a]]
+    return order
+
+
+def _positions_exchanged(
+    scene: Scene, recording: FreeMotion, rng: np.random.Generator
+) -> tuple[Scene, FreeMotion]:
+    order = _exchanged_joints(rng)
+    return scene, replace(recording, q=recording.q[:, order], qd=recording.qd[:, order])
+
+
+def _torques_exchanged(
+    scene: Scene, recording: FreeMotion, rng: np.random.Generator
+) -> tuple[Scene, FreeMotion]:
+    assert recording.torque is not None
+    return scene, replace(recording, torque=recording.torque[:, _exchanged_joints(rng)])
+
+
+def _other_velocities(
+    scene: Scene, recording: FreeMotion, rng: np.random.Generator
+) -> tuple[Scene, FreeMotion]:
+    return scene, replace(recording, qd=float(rng.choice([0.0, 180.0 / np.pi])) * recording.qd)
+
+
 MISTAKES: dict[str, tuple[Line, Mistake]] = {
     "mounting tilted by 4 to 30 degrees": ("mounting", _tilted),
     "mounting: one angle with the wrong sign": ("mounting", _tilt_reversed),
@@ -267,5 +343,14 @@ MISTAKES: dict[str, tuple[Line, Mistake]] = {
     "tool mass wrong by 0.5 to 2 kg": ("tool.mass", _other_mass),
     "tool's centre of mass wrong by 5 to 15 cm": ("tool.com", _other_com),
     "another arm": ("robot", _other_arm),
+    "joint torques of another scale or unit": ("joint torques: scale", _scaled_torques),
+    "torque constants wrong by 25 to 100 %": ("joint_torque.torque_constants", _other_constants),
+    "torque of one joint zero or frozen": ("joint torques: frozen values", _frozen_torque),
+    "torque of one joint replaced by noise": ("joint torques: frozen values", _silent_torque),
+    "forces in kgf or lbf": ("base wrench: scale", _other_unit),
+    "one component of the base sensor reversed": ("base wrench: order of axes", _one_reversed),
+    "positions of two joints exchanged": ("joint positions: order", _positions_exchanged),
+    "torques of two joints exchanged": ("joint torques: order", _torques_exchanged),
+    "velocities zero, or in degrees": ("joint velocities: agreement", _other_velocities),
 }
 """Kind of mistake -> the wrong line, and how scene and recording follow from the truth."""

@@ -7,7 +7,7 @@ several lines may be wrong. What the last round has not accepted is assessed by 
 it.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,17 +17,18 @@ from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.recording_residuals import GAP
 from contactsense.scene import Scene
 from contactsense.setup_check.fit import Fit, Fitter
-from contactsense.setup_check.hypotheses import (
-    TORQUE_LINES,
-    Hypotheses,
-    Hypothesis,
+from contactsense.setup_check.hypotheses import Hypotheses
+from contactsense.setup_check.hypothesis import Hypothesis
+from contactsense.setup_check.instants import instants, without_gaps
+from contactsense.setup_check.lines import (
+    FROZEN_TORQUES,
     Line,
     lines,
     sensor_lines,
     sensor_of,
+    torque_lines,
     wrench_fields,
 )
-from contactsense.setup_check.instants import instants, without_gaps
 from contactsense.setup_check.motion_basis import MotionBases, Readings
 from contactsense.setup_check.proposals import written
 from contactsense.setup_check.result import Finding, SetupCheck, Verdict
@@ -39,7 +40,14 @@ from contactsense.setup_check.sensor_findings import (
     saturated_sensors,
     without,
 )
-from contactsense.setup_check.setup import Free, Kind, Setup
+from contactsense.setup_check.setup import SCALED, Free, Kind, Setup
+from contactsense.setup_check.signal_findings import (
+    frozen_components,
+    frozen_findings,
+    frozen_joints,
+    velocity_finding,
+    with_own_velocities,
+)
 
 _EVIDENCE = 30.0
 """A line is reported as wrong if twice the log likelihood rises by more than this beyond the penalty: for
@@ -59,8 +67,17 @@ _TOLERANCE: dict[Kind, float] = {
     "turn": np.radians(2.0),
     "shift": 0.01,
     "delay": 0.003,
+    "force": 0.1,
+    "moment": 0.1,
+    "wrench": 0.1,
+    "gain": 0.1,
 }
-"""Changes below this do not matter [rad, m, s, kg]; larger standard deviations determine nothing."""
+"""Changes below this do not matter [rad, m, s, kg, logarithm]; larger standard deviations determine
+nothing."""
+_MOVES, _MOVING_SHARE = 0.02, 0.3
+"""A joint moves if it is faster than this [rad/s] for more than this share of the time."""
+_FROZEN, _AT_RANGE = "its readings stay the same", "the sensor is at its range"
+"""Why a sensor is not used."""
 _MIN_ROWS = 8
 """Fewer are not enough."""
 _NOISE_FACTOR, _SHARE = 5.0, 0.3
@@ -100,17 +117,30 @@ def check(
     """
     saturated = saturated_sensors(scene, recordings)
     recordings = [without(part, saturated) for part in recordings]
+    still = frozen_joints(scene, recordings)
+    frozen = frozen_components(recordings)
+    signals = frozen_findings(scene, recordings, still, frozen) if recordings else []
+    unusable = {**dict.fromkeys(saturated, _AT_RANGE), **dict.fromkeys(frozen, _FROZEN)}
+    recordings = [without(part, tuple(frozen)) for part in recordings]
+    if len(still) == len(scene.robot.joints):
+        unusable["joint_torque"] = _FROZEN
+        recordings = [replace(part, torque=None) for part in recordings]
     parts = without_gaps(recordings)
-    _usable(scene, recordings, parts, saturated)
+    _usable(scene, recordings, parts, unusable)
+    velocities, wrong_joints = velocity_finding(scene, parts)
+    parts = [with_own_velocities(part, wrong_joints) for part in parts] if wrong_joints.any() else parts
+    signals.append(velocities)
     progress("motion")
     readings = Readings.of(scene, parts)
     others = _other_arms(scene)
     bases = MotionBases({scene.robot.name: scene, **others}, parts)
     fitter = Fitter(scene, bases, readings)
     largest = max(float(np.abs(part.q).max()) for part in parts)
-    hypotheses = Hypotheses(scene, others, largest, readings.torque is not None, readings.wrenches)
+    torque, moving = readings.torque is not None, _moving(parts)
+    hypotheses = Hypotheses(scene, others, largest, torque, readings.wrenches, moving)
     setup = Setup.of(scene)
-    wrong: list[Finding] = []
+    setup.gain[list(still)] = 0.0
+    wrong = [found for found in signals if found.verdict == "does_not_fit"]
     for number in range(_MOST + 1):
         progress(f"round {number + 1}")
         fitter.effective[:] = 1.0
@@ -118,17 +148,17 @@ def check(
         candidates = [_fitted(fitter, hypothesis) for hypothesis in hypotheses.of(setup)]
         fitter.set_effective_rows(min([now, *(c.fit for c in candidates)], key=fitter.cost).residual)
         ranked = sorted(candidates, key=lambda c: fitter.cost(c.fit))
-        best = next((c for c in ranked if _matters(now.setup, c.fit) and _explains(now, c.fit)), None)
+        best = next((c for c in ranked if _matters(now.setup, c.fit) and _explains(now, c)), None)
         if best is None or number == _MOST or _gain(fitter, now, best.fit) < _EVIDENCE:
             break
-        rivals = tuple(
+        rivals = dict.fromkeys(
             c.hypothesis.line
             for c in ranked
-            if c is not best
+            if c.hypothesis.line != best.hypothesis.line
             and fitter.cost(c.fit) - fitter.cost(best.fit) < _EXCLUDED
             and _matters(now.setup, c.fit)
         )
-        _report(wrong, _wrong_line(fitter, scene, now, best, rivals))
+        _report(wrong, _wrong_line(fitter, scene, now, best, tuple(rivals)))
         setup = best.fit.setup
     own = [*range_findings(scene, recordings, setup, saturated), *bias_findings(scene, now)]
     wrong += [found for found in own if found.verdict == "does_not_fit"]
@@ -137,10 +167,16 @@ def check(
     rest = [
         _judged(fitter, scene, now, candidate)
         for candidate in candidates
-        if not _covered(candidate.hypothesis.line, reported)
+        if not candidate.hypothesis.special and not _covered(candidate.hypothesis.line, reported)
     ]
     rest += [found for found in own if found.verdict != "does_not_fit"]
-    rest += _not_recorded(scene, setup, readings, saturated)
+    doubted = _silent_joints(fitter, now, candidates)
+    for found in signals:
+        if found.line not in reported:
+            doubt = found.line == FROZEN_TORQUES and found.verdict == "fits" and doubted
+            rest.append(replace(found, verdict="cannot_tell", remark=doubted) if doubt else found)
+    known = {found.line for found in signals}
+    rest += [found for found in _not_recorded(scene, setup, readings, unusable) if found.line not in known]
     order = lines(scene)
     rest.sort(key=lambda found: order.index(found.line))
     return SetupCheck(
@@ -152,7 +188,7 @@ def check(
 
 
 def _usable(
-    scene: Scene, recordings: list[FreeMotion], parts: list[FreeMotion], saturated: tuple[str, ...]
+    scene: Scene, recordings: list[FreeMotion], parts: list[FreeMotion], unusable: Mapping[str, str]
 ) -> None:
     if not recordings:
         raise CheckError("expected at least one recording of contact-free motion, got none")
@@ -162,11 +198,12 @@ def _usable(
             raise CheckError(
                 f"{part.name}: expected {joints} joints, as {scene.robot.name} has, got {part.q.shape[1]}"
             )
-    if saturated and not any(part.torque is not None or part.reading is not None for part in recordings):
-        raise CheckError(
-            f"{recordings[0].name}: {saturated[0]}.range: expected readings within it, got readings "
-            "that stay at it"
-        )
+    if unusable and not any(part.torque is not None or part.reading is not None for part in recordings):
+        field, reason = next(iter(unusable.items()))
+        problem = f"{field}: expected readings that change with the motion, got the same for a second or more"
+        if reason == _AT_RANGE:
+            problem = f"{field}.range: expected readings within it, got readings that stay at it"
+        raise CheckError(f"{recordings[0].name}: {problem}")
     if all(part.torque is None or scene.joint_torque is None for part in recordings) and all(
         part.reading is None or scene.base_wrench is None for part in recordings
     ):
@@ -178,6 +215,12 @@ def _usable(
         raise CheckError(
             f"{recordings[0].name}: expected at least 3 s without gaps above {GAP} s, got {seconds:.2g} s"
         )
+
+
+def _moving(parts: list[FreeMotion]) -> np.ndarray:
+    """Which joints move for a good part of the time, shape (n,), bool."""
+    faster = np.abs(np.concatenate([part.qd for part in parts])) > _MOVES
+    return np.asarray(faster.mean(axis=0) > _MOVING_SHARE)
 
 
 def _other_arms(scene: Scene) -> dict[str, Scene]:
@@ -209,16 +252,31 @@ def _matters(before: Setup, fit: Fit) -> bool:
     )
 
 
+def _silent_joints(fitter: Fitter, now: Fit, candidates: list[_Candidate]) -> str:
+    """Why it is not known that all torques are measured; empty: it is."""
+    names = [
+        fitter.joint_names[c.hypothesis.joint]
+        for c in candidates
+        if c.hypothesis.line == FROZEN_TORQUES
+        and c.hypothesis.joint is not None
+        and -_gain(fitter, now, c.fit) < _EXCLUDED
+    ]
+    return f"{', '.join(names)}: noise would fit as well" if names else ""
+
+
 def _undetermined(found: Finding) -> Finding:
     """The finding where readings remain that nothing explains: no line can be said to fit."""
     return replace(found, verdict="cannot_tell", remark="the readings are not explained")
 
 
-def _explains(before: Fit, after: Fit) -> bool:
+def _explains(before: Fit, candidate: _Candidate) -> bool:
     """Whether the residual of a sensor falls markedly."""
+    after, joint = candidate.fit, candidate.hypothesis.joint
     count = before.residual.shape[1]
     n = count - 6 * len(before.setup.sensors)
     groups = [slice(0, n), *(slice(first, first + 3) for first in range(n, count, 3))]
+    if joint is not None:
+        groups = [slice(joint, joint + 1)]
     pairs = [[rms(fit.residual[:, group]) for fit in (before, after)] for group in groups]
     return any(b < (1.0 - _MIN_DROP) * a for a, b in pairs if a is not None and b is not None)
 
@@ -236,9 +294,15 @@ def _change(group: Free, a: Setup, b: Setup) -> float:
         return abs(a.mass - b.mass)
     if group.kind == "com":
         return float(np.linalg.norm(a.com - b.com))
+    if group.kind == "gain":
+        known = a.gain != 0.0
+        return float(np.abs(np.log(b.gain[known] / a.gain[known])).max())
     one, other = a.sensors[group.field], b.sensors[group.field]
     if group.kind == "turn":
         return float(np.arccos(np.clip((np.trace(one.rotation.T @ other.rotation) - 1.0) / 2.0, -1.0, 1.0)))
+    if group.kind in SCALED:
+        sizes = np.abs(one.order).sum(axis=0), np.abs(other.order).sum(axis=0)
+        return float(np.abs(np.log(sizes[1] / sizes[0])).max())
     if group.kind == "shift":
         return float(np.linalg.norm(one.translation - other.translation))
     return abs(one.delay - other.delay)
@@ -279,19 +343,19 @@ def _report(wrong: list[Finding], new: Finding) -> None:
 
 
 def _not_recorded(
-    scene: Scene, setup: Setup, readings: Readings, saturated: tuple[str, ...]
+    scene: Scene, setup: Setup, readings: Readings, unusable: Mapping[str, str]
 ) -> list[Finding]:
     """Lines of sensors that the scene has and a recording lacks, or of which it cannot be used."""
     missing = [field for field in wrench_fields(scene) if field not in readings.wrenches]
     found = [line for field in missing for line in sensor_lines(field) if not line.endswith(".range")]
     if scene.joint_torque is not None and readings.torque is None:
-        found += TORQUE_LINES
+        found += torque_lines(scene)
     return [
         Finding(
             line,
             "cannot_tell",
             written(line, setup, scene)[0],
-            remark="the sensor is at its range" if sensor_of(scene, line) in saturated else "not recorded",
+            remark=unusable.get(sensor_of(scene, line) or "joint_torque", "not recorded"),
         )
         for line in found
     ]
@@ -325,6 +389,9 @@ def _judged(fitter: Fitter, scene: Scene, now: Fit, candidate: _Candidate) -> Fi
     if verdict == "fits" and other is not None and other < _EXCLUDED:
         verdict = "cannot_tell"
         remark = "another value fits as well"
+        if not candidate.hypothesis.free:
+            nearest = min(distinct, key=fitter.cost)
+            remark += f": {written(line, nearest.setup, scene)[0]}"
     return Finding(line, verdict, written(line, now.setup, scene)[0], None, remark, std, evidence=other)
 
 

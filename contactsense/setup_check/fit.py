@@ -19,9 +19,9 @@ import numpy as np
 from contactsense.calibration.parameters import inertial_scales
 from contactsense.scene import JointTorqueSensor, Scene
 from contactsense.sensors.settings import per_joint
-from contactsense.setup_check.hypotheses import wrench_fields
-from contactsense.setup_check.motion_basis import MotionBases, Readings
-from contactsense.setup_check.setup import BASE, Free, Kind, Setup
+from contactsense.setup_check.lines import wrench_fields
+from contactsense.setup_check.motion_basis import MotionBases, MotionBasis, Readings
+from contactsense.setup_check.setup import BASE, Free, Kind, Order, Setup, in_order
 
 _BASE_BIAS = np.repeat([50.0, 20.0], 3)
 """Scale of the prior of the base sensor's bias [N, Nm]. It is a Cauchy prior, with penalty 2 ln(1 + x^2): a
@@ -39,10 +39,12 @@ _WEIGHTINGS = 4
 _STEPS = 6
 _STEP_LIMIT: dict[Kind, float] = {
     "tilt": 0.5, "mass": 10.0, "com": 0.3, "turn": 0.5, "shift": 0.3, "delay": 0.03,
+    "force": 0.7, "moment": 0.7, "wrench": 0.7, "gain": 0.7,
 }  # fmt: skip
 """Largest change of a parameter in one iteration."""
 _PRIOR: dict[Kind, float] = {
     "tilt": 1.0, "mass": 20.0, "com": 0.5, "turn": 1.0, "shift": 0.5, "delay": 0.1,
+    "force": 1.0, "moment": 1.0, "wrench": 1.0, "gain": 1.0,
 }  # fmt: skip
 """Scale of each parameter, far beyond what can be expected; a prior about the last iterate."""
 
@@ -74,6 +76,7 @@ class Fitter:
         self._bases, self._readings = bases, readings
         joints = scene.robot.joints
         self._joints = n = len(joints)
+        self.joint_names = tuple(joint.name for joint in joints)
         limit = _TORQUE_PART * np.array([joint.torque_limit for joint in joints])
         self._drive_prior = limit
         self._inertia_error = max(_INERTIA_ERROR, scene.inertia_error)
@@ -147,16 +150,20 @@ class Fitter:
     def _error(self, setup: Setup) -> np.ndarray:
         """Readings minus prediction without nuisances, shape (M, C)."""
         n = self._joints
-        rows = len(self._bases.of(setup.robot, setup.angle_unit).viscous)
+        rows = len(self._basis(setup).viscous)
         error = np.full((rows, n + 6 * len(self._fields)), np.nan)
         if self._readings.torque is not None:
             predicted = np.einsum("mclp,lp->mc", self._joint_terms(setup), setup.bodies)
-            error[:, :n] = self._readings.torque - setup.gain * predicted
+            error[:, :n] = in_order(self._readings.torque, setup.torque_order) - setup.gain * predicted
         for field, reading in self._readings.wrenches.items():
             wrench = np.einsum("mckp,kp->mc", self._load_terms(setup, field), setup.carried(field))
             predicted = wrench @ setup.reading_per_wrench(field).T
             error[:, self._of(field)] = reading - predicted - setup.sensors[field].bias
         return error
+
+    def _basis(self, setup: Setup) -> MotionBasis:
+        """Terms of the motion as this setup reads it."""
+        return self._bases.of(*_motion(setup))
 
     def _of(self, field: str) -> slice:
         """Channels of a force/torque sensor."""
@@ -167,10 +174,10 @@ class Fitter:
         """Torques per inertial parameter, shape (M, n, L, 10)."""
 
         def found() -> np.ndarray:
-            basis = self._bases.of(setup.robot, setup.angle_unit)
+            basis = self._basis(setup)
             return basis.joints(setup.gravity, setup.meaning == "motor", setup.meaning != "external")
 
-        key = (setup.robot, setup.angle_unit, setup.meaning, setup.gravity.tobytes())
+        key = (*_motion(setup), setup.meaning, setup.gravity.tobytes())
         return self._latest("joint_torque", key, found)
 
     def _load_terms(self, setup: Setup, field: str) -> np.ndarray:
@@ -178,10 +185,10 @@ class Fitter:
         sensor = setup.sensors[field]
 
         def found() -> np.ndarray:
-            loads = self._bases.of(setup.robot, setup.angle_unit).loads
+            loads = self._basis(setup).loads
             return loads.of(sensor.body).at(setup.gravity, sensor.delay)
 
-        key = (setup.robot, setup.angle_unit, sensor.body, sensor.delay, setup.gravity.tobytes())
+        key = (*_motion(setup), sensor.body, sensor.delay, setup.gravity.tobytes())
         return self._latest(field, key, found)
 
     def _latest(self, name: str, key: object, found: Callable[[], np.ndarray]) -> np.ndarray:
@@ -193,7 +200,7 @@ class Fitter:
     def _nuisances(self, setup: Setup) -> tuple[np.ndarray, dict[str, int]]:
         """Derivatives of the prediction by the nuisances in units of their priors, shape (C, M, P), and the
         first column of each sensor's bias."""
-        basis, n = self._bases.of(setup.robot, setup.angle_unit), self._joints
+        basis, n = self._basis(setup), self._joints
         size = self._inertia_error * inertial_scales(setup.links)
         rows, links, drives = len(basis.viscous), 10 * (len(size) - 1), 4 * n
         own = sum(6 + 10 * setup.sensors[field].tool_alone for field in self._readings.wrenches)
@@ -204,7 +211,8 @@ class Fitter:
         frictional = 0.0 if setup.meaning == "external" else 1.0
         for j in range(n):
             scale, first = setup.gain[j] * self._drive_prior[j], links + 4 * j
-            found[j, :, first] = scale
+            # A value that does not follow the torque is a constant of any size.
+            found[j, :, first] = scale or self._drive_prior[j]
             found[j, :, first + 1] = frictional * scale * basis.coulomb[:, j]
             found[j, :, first + 2] = frictional * scale * basis.viscous[:, j]
             found[j, :, first + 3] = frictional * 0.3 * scale * basis.rotor[:, j]
@@ -311,6 +319,11 @@ class _Solved:
     residual: np.ndarray
     biases: Mapping[str, int]
     """First of the six values of each force/torque sensor's bias."""
+
+
+def _motion(setup: Setup) -> tuple[str, float, Order]:
+    """What of a setup decides how the motion is understood."""
+    return setup.robot, setup.angle_unit, setup.angle_order
 
 
 def _bordered(

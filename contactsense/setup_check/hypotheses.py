@@ -2,53 +2,21 @@
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import permutations, product
 from typing import Any, get_args
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
 from contactsense.scene import Scene
 from contactsense.sensors.settings import CURRENTS, Meaning
-from contactsense.setup_check.setup import BASE, Free, Setup
-
-Line = str
-"""A field of the scene by its path, or, with a colon, a property of the signals that no field states."""
-_ARM: tuple[Line, ...] = (
-    "robot", "joint positions: unit", "mounting", "tool", "tool.mass", "tool.com",
-)  # fmt: skip
-TORQUE_LINES: tuple[Line, ...] = ("joint_torque.sign", "joint_torque.signal", "joint_torque.meaning")
-
-
-def lines(scene: Scene) -> tuple[Line, ...]:
-    """All lines of a scene that can be checked, in the order in which they are reported."""
-    sensors = [line for field in wrench_fields(scene) for line in sensor_lines(field)]
-    return (*_ARM, *sensors, *TORQUE_LINES)
-
-
-def wrench_fields(scene: Scene) -> tuple[str, ...]:
-    """Fields of the force/torque sensors of a scene, the base sensor first."""
-    return (*(() if scene.base_wrench is None else (BASE,)), *scene.link_sensors)
-
-
-def sensor_lines(field: str) -> tuple[Line, ...]:
-    """Lines of one force/torque sensor."""
-    last = field.rpartition(".")[2].removesuffix("_wrench")
-    signals = (f"{last} wrench: order of axes", f"{last} wrench: force and moment")
-    stated = ["sign", "rpy", "translation", "delay"]
-    if field.startswith("link_wrenches."):
-        stated.insert(0, "link")
-    # A stream estimates the bias of the base sensor; the others keep the scene's.
-    own = ("range",) if field == BASE else ("bias", "range")
-    return (*(f"{field}.{name}" for name in stated), *signals, *(f"{field}.{name}" for name in own))
-
-
-def sensor_of(scene: Scene, line: Line) -> str | None:
-    """Field of the force/torque sensor that a line is about; None: it is about none."""
-    found = [field for field in wrench_fields(scene) if line in sensor_lines(field)]
-    return found[0] if found else None
-
+from contactsense.setup_check.hypothesis import Hypothesis
+from contactsense.setup_check.lines import sensor_lines
+from contactsense.setup_check.order_hypotheses import angle_orders, torque_orders
+from contactsense.setup_check.scale_hypotheses import sensor_scales, torque_scales
+from contactsense.setup_check.setup import Free, Setup
 
 TORQUE_CONSTANT = 10.0
 """Torque per current where neither scene nor arm states it [Nm/A]: that of the UR10e's joints is 8.5 to 10.7.
@@ -56,17 +24,6 @@ TORQUE_CONSTANT = 10.0
 _LARGEST_ANGLE = 7.0
 """No joint turns further [rad]: those of UR arms make one turn to each side."""
 _DELAYS = (-0.05, -0.02, 0.0, 0.02, 0.05)
-
-
-@dataclass(frozen=True)
-class Hypothesis:
-    """One way in which the setup may be wrong."""
-
-    line: Line
-    starts: tuple[tuple[str, Setup], ...]
-    """Alternatives, each with the remark that explains it (may be empty)."""
-    free: tuple[Free, ...] = ()
-    """Continuous parameters to estimate."""
 
 
 class Hypotheses:
@@ -79,10 +36,11 @@ class Hypotheses:
         largest: float,
         torque: bool,
         fields: Iterable[str],
+        moving: np.ndarray,
     ) -> None:
         """`others`: the scene with each other arm; `largest`: joint position as read; `torque`: whether joint
-        torques were recorded; `fields`: which force/torque sensors were."""
-        self._scene, self._others, self._largest = scene, others, largest
+        torques were recorded; `fields`: which force/torque sensors were; `moving`: which joints move."""
+        self._scene, self._others, self._largest, self._moving = scene, others, largest, moving
         self._torque, self._fields = torque, tuple(fields)
 
     def of(self, setup: Setup) -> list[Hypothesis]:
@@ -110,7 +68,7 @@ class Hypotheses:
             found.append(Hypothesis("robot", tuple(robots)))
         if setup.angle_unit == 1.0 and units:
             found.append(Hypothesis("joint positions: unit", tuple(units)))
-        return found
+        return [*found, *angle_orders(setup)]
 
     def _mounting(self, setup: Setup) -> Hypothesis:
         size = float(np.linalg.norm(setup.gravity))
@@ -140,23 +98,18 @@ class Hypotheses:
     def _torques(self, setup: Setup) -> list[Hypothesis]:
         """What may be wrong with the joint torques."""
         others = [meaning for meaning in get_args(Meaning) if meaning != setup.meaning]
-        return [
+        other = other_signal(self._scene)
+        found = [
             Hypothesis("joint_torque.sign", (("", replace(setup, gain=-setup.gain)),)),
-            *self._signal(setup),
             Hypothesis("joint_torque.meaning", tuple(("", replace(setup, meaning=m)) for m in others)),
+            *torque_orders(setup),
         ]
-
-    def _signal(self, setup: Setup) -> list[Hypothesis]:
-        """Currents where the scene states torques, or the reverse. Torques that are too large in proportion
-        are no signal that a scene could state."""
-        if abs(setup.gain[0]) != 1.0:
-            return []
-        torque, constants = self._scene.joint_torque, torque_constants(self._scene)
-        if torque is not None and torque.signal in CURRENTS:
-            start = ("the values are torques [Nm]", replace(setup, gain=setup.gain * constants))
-        else:
-            start = ("the values are currents [A]", replace(setup, gain=setup.gain / constants))
-        return [Hypothesis("joint_torque.signal", (start,))]
+        if reads_other_signal(setup, self._scene):
+            return found
+        text = "torques [Nm]" if (other > 1.0).any() else "currents [A]"
+        start = (f"the values are {text}", replace(setup, gain=np.sign(setup.gain) * other))
+        scales = torque_scales(self._scene, setup, self._moving)
+        return [*found, Hypothesis("joint_torque.signal", (start,)), *scales]
 
     def _sensor(self, field: str, setup: Setup) -> list[Hypothesis]:
         """What may be wrong with a force/torque sensor."""
@@ -180,21 +133,26 @@ class Hypotheses:
             "force and moment": Hypothesis("", (("the moment comes first", exchanged),)),
             "link": Hypothesis("", tuple(changed(body=body) for body in others)),
         }
-        names = {line: re.split(r"\.|: ", line)[-1] for line in sensor_lines(field)}
-        return [replace(found[name], line=line) for line, name in names.items() if name in found]
+        names = {line: re.split(r"\.|: ", line)[-1] for line in sensor_lines(self._scene, field)}
+        single = [replace(found[name], line=line) for line, name in names.items() if name in found]
+        return [*single, *sensor_scales(field, setup)]
 
 
 def _reordered(field: str, setup: Setup) -> tuple[tuple[str, Setup], ...]:
+    """Two axes exchanged or one reversed, or all of them, of forces and moments or of one of them alone."""
     swaps = {"x and y": [1, 0, 2], "x and z": [2, 1, 0], "y and z": [0, 2, 1]}
-    starts = [(f"{axes} are exchanged", np.eye(3)[turned]) for axes, turned in swaps.items()]
-    starts += [
+    changes = [(f"{axes} are exchanged", np.eye(3)[turned]) for axes, turned in swaps.items()]
+    changes += [
         (f"{axis} points the other way", np.diag(1.0 - 2.0 * unit))
         for axis, unit in zip("xyz", np.eye(3), strict=True)
     ]
-    order = setup.sensors[field].order
-    return tuple(
-        (text, setup.with_sensor(field, order=order @ np.kron(np.eye(2), axes))) for text, axes in starts
-    )
+    order, same = setup.sensors[field].order, np.eye(3)
+    starts = [(text, block_diag(axes, axes)) for text, axes in changes]
+    # All of both is a matter of the sign.
+    changes.append(("all axes point the other way", -same))
+    starts += [(f"of the forces {text}", block_diag(axes, same)) for text, axes in changes]
+    starts += [(f"of the moments {text}", block_diag(same, axes)) for text, axes in changes]
+    return tuple((text, setup.with_sensor(field, order=order @ axes)) for text, axes in starts)
 
 
 def mounting_mistakes(rpy: tuple[float, float, float]) -> list[tuple[str, tuple[float, float, float]]]:
@@ -211,6 +169,20 @@ def torque_constants(scene: Scene) -> np.ndarray:
     if scene.joint_torque is not None and scene.joint_torque.torque_constants is not None:
         return np.array(scene.joint_torque.torque_constants)
     return np.array([joint.torque_constant or TORQUE_CONSTANT for joint in joints])
+
+
+def other_signal(scene: Scene) -> np.ndarray:
+    """Joint torques as read per torque, if the values are torques where the scene states currents, or the
+    reverse, shape (n,)."""
+    currents = scene.joint_torque is not None and scene.joint_torque.signal in CURRENTS
+    constants = torque_constants(scene)
+    return constants if currents else 1.0 / constants
+
+
+def reads_other_signal(setup: Setup, scene: Scene) -> bool:
+    """Whether a setup takes the joint torques for the other signal."""
+    known = setup.gain != 0.0
+    return bool((np.abs(setup.gain) == other_signal(scene))[known].all())
 
 
 def signed_permutations() -> list[np.ndarray]:

@@ -18,9 +18,10 @@ from contactsense.calibration.residual_jacobian import inertial_columns
 from contactsense.residuals.momentum_observer import noise_variance_ratio
 from contactsense.robots import Robot
 from contactsense.scene import JointTorqueSensor, Scene, WrenchSensor
-from contactsense.setup_check.hypotheses import wrench_fields
 from contactsense.setup_check.instants import BANDWIDTH, Instants, instants
+from contactsense.setup_check.lines import wrench_fields
 from contactsense.setup_check.load_terms import LoadTerms, load_terms
+from contactsense.setup_check.setup import Order, in_order
 
 
 class Loads:
@@ -80,19 +81,23 @@ class MotionBasis:
 
 
 class MotionBases:
-    """The terms of one motion for several arms and units of the joint positions, worked out when needed."""
+    """The terms of one motion for several arms, and units and orders of the joint positions, worked out when
+    needed."""
 
     def __init__(self, scenes: Mapping[str, Scene], recordings: list[FreeMotion]) -> None:
         """`scenes`: by name of the arm."""
         self._scenes, self._recordings = scenes, recordings
-        self._known: dict[tuple[str, float], MotionBasis] = {}
+        self._known: dict[tuple[str, float, Order], MotionBasis] = {}
 
-    def of(self, robot: str, unit: float) -> MotionBasis:
-        """Terms for that arm, if joint positions are in `unit` [rad]."""
-        if (robot, unit) not in self._known:
-            scaled = [replace(part, q=unit * part.q, qd=unit * part.qd) for part in self._recordings]
-            self._known[robot, unit] = MotionBasis.of(self._scenes[robot], scaled)
-        return self._known[robot, unit]
+    def of(self, robot: str, unit: float, order: Order) -> MotionBasis:
+        """Terms for that arm, if joint positions are in `unit` [rad] and in this order."""
+        if (robot, unit, order) not in self._known:
+            moved = [
+                replace(part, q=unit * in_order(part.q, order), qd=unit * in_order(part.qd, order))
+                for part in self._recordings
+            ]
+            self._known[robot, unit, order] = MotionBasis.of(self._scenes[robot], moved)
+        return self._known[robot, unit, order]
 
 
 @dataclass(frozen=True)

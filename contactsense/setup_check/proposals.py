@@ -4,8 +4,16 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from contactsense.scene import Scene
-from contactsense.setup_check.hypotheses import Line, mounting_mistakes, sensor_of, signed_permutations
-from contactsense.setup_check.setup import SensorSetup, Setup
+from contactsense.setup_check.hypotheses import (
+    mounting_mistakes,
+    other_signal,
+    reads_other_signal,
+    signed_permutations,
+    torque_constants,
+)
+from contactsense.setup_check.lines import FROZEN_TORQUES, Line, sensor_of, torque_scale
+from contactsense.setup_check.scale_hypotheses import torque_remark, unit_remark
+from contactsense.setup_check.setup import Order, SensorSetup, Setup
 
 _SNAP = np.radians(3.0)
 """An orientation this close to a usual one is taken for it."""
@@ -31,17 +39,26 @@ def written(line: Line, setup: Setup, scene: Scene) -> tuple[str, str]:
             return _frame(setup.sensors[field], Setup.of(scene).sensors[field])
         if line.endswith(".link"):
             return scene.robot.link_names[setup.sensors[field].body], ""
-        return _sensor(line, setup.sensors[field]), ""
+        sensor = setup.sensors[field]
+        return _sensor(line, sensor), unit_remark(*_sizes(sensor.order)) if line.endswith("scale") else ""
     if line == "joint_torque.sign":
-        own = Setup.of(scene).gain[0] * setup.gain[0] > 0.0
+        own = not (setup.gain < 0.0).any()
         sign = scene.joint_torque.sign if scene.joint_torque is not None else "by_actuator"
         return sign if own else {"by_actuator": "on_arm", "on_arm": "by_actuator"}[sign], ""
+    if line.endswith("positions: order"):
+        return _places(setup.angle_order), ""
+    if line == "joint torques: order":
+        return _places(setup.torque_order), ""
+    if line == FROZEN_TORQUES:
+        still = zip(scene.robot.joints, setup.gain, strict=True)
+        return ", ".join(joint.name for joint, gain in still if gain == 0.0) or "none", ""
+    if line == torque_scale(scene):
+        return _torque_scale(setup, scene)
     if line == "joint_torque.signal":
-        factor = abs(setup.gain[0])
         stated = scene.joint_torque.signal if scene.joint_torque is not None else ""
-        if factor == 1.0:
+        if not reads_other_signal(setup, scene):
             return stated, ""
-        if factor < 1.0:
+        if (other_signal(scene) < 1.0).any():
             return "actual_current", "the values are currents [A]"
         return "actual_current_as_torque", "the values are torques [Nm]"
     return setup.meaning, ""
@@ -56,11 +73,41 @@ def _sensor(line: Line, setup: SensorSetup) -> str:
         return f"{round(setup.delay, 4) + 0.0:.4f}"
     if line.endswith(".bias"):
         return _vector(setup.bias, 2)
+    if line.endswith("frozen values"):
+        return "none"
+    if line.endswith("scale"):
+        force, moment = _sizes(setup.order)
+        return f"{force:.3g} per N, {moment:.3g} per Nm"
     names = ("fx", "fy", "fz", "mx", "my", "mz")
     parts = [("-" if row.sum() < 0.0 else "") + names[int(np.argmax(np.abs(row)))] for row in setup.order]
     if line.endswith("force and moment"):
         return "force first" if "f" in parts[0] else "moment first"
-    return " ".join(parts[:3] if "f" in parts[0] else parts[3:]).replace("f", "")
+    force_first = "f" in parts[0]
+    forces, moments = (parts[:3], parts[3:]) if force_first else (parts[3:], parts[:3])
+    axes = " ".join(forces).replace("f", "")
+    turned = " ".join(moments).replace("m", "")
+    return axes if axes == turned else f"forces {axes}, moments {turned}"
+
+
+def _places(order: Order) -> str:
+    """Which value as read is that of each joint."""
+    return " ".join(str(place) for place in order)
+
+
+def _torque_scale(setup: Setup, scene: Scene) -> tuple[str, str]:
+    """The torque constants that a setup means, or values per newton metre."""
+    factors = np.abs(np.where(setup.gain == 0.0, 1.0, setup.gain))
+    if torque_scale(scene) == "joint_torque.torque_constants":
+        return _vector(torque_constants(scene) / factors, 3), ""
+    if np.ptp(factors) > 0.0:
+        return f"{_vector(factors, 3)} per Nm", ""
+    return f"{factors[0]:.3g} per Nm", torque_remark(float(factors[0]))
+
+
+def _sizes(order: np.ndarray) -> tuple[float, float]:
+    """Scales of forces and moments."""
+    sizes = np.abs(order).sum(axis=0)
+    return float(sizes[0]), float(sizes[3])
 
 
 def _vector(values: np.ndarray, digits: int) -> str:

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from contactsense.setup_check.hypotheses import Line
+from contactsense.setup_check.lines import Line
 
 Verdict = Literal["fits", "does_not_fit", "cannot_tell"]
 """What the motion says of a line: it fits, another value fits better, or the motion does not determine it."""

@@ -81,7 +81,7 @@ def range_findings(
         elif readings is None:
             found.append(Finding(line, "cannot_tell", stated, remark="not recorded"))
         else:
-            largest = np.abs(readings @ setup.sensors[field].order).max(axis=0)
+            largest = np.abs(readings @ np.linalg.inv(setup.sensors[field].order).T).max(axis=0)
             if (largest >= sensor.limits).any():
                 most = (largest[:3].max(), largest[3:].max()) if len(sensor.range) == 2 else tuple(largest)
                 remark = "readings without a contact are larger"
@@ -127,8 +127,8 @@ def _bias_finding(scene: Scene, fit: Fit, field: str, sensor: WrenchSensor) -> F
     off, std = fit.bias[field]
     stated, spread = written(line, setup, scene)[0], tuple(std.tolist())
     if (setup.sensors[field].order != np.eye(6)).any():
-        # Whether the stated bias is in the order as read is not known.
-        return Finding(line, "cannot_tell", stated, remark="its values are in another order")
+        # Whether the stated bias is in the order and units as read is not known.
+        return Finding(line, "cannot_tell", stated, remark="its values are in another order or unit")
     if (np.abs(off) > np.maximum(allowed, _SURE * std)).any():
         right = setup.with_sensor(field, bias=setup.sensors[field].bias + off)
         before = fit.residual.copy()

@@ -17,18 +17,25 @@ from contactsense.runtime.link_sensors import mounts
 from contactsense.scene import JointTorqueSensor, Scene, WrenchSensor
 from contactsense.sensors.settings import Meaning
 
-Kind = Literal["tilt", "mass", "com", "turn", "shift", "delay"]
+Kind = Literal["tilt", "mass", "com", "turn", "shift", "delay", "force", "moment", "wrench", "gain"]
 """A kind of continuous parameters:
 
 - `tilt`: direction of gravity, about the two base axes that change it most [rad];
 - `mass`, `com`: of the tool [kg, m];
 - `turn`, `shift`: of a force/torque sensor: its rotation vector [rad] and displacement [m], in the axes of
   the frame in which the scene gives its pose;
-- `delay`: of its readings [s].
+- `delay`: of its readings [s];
+- `force`, `moment`, `wrench`: natural logarithm of the scale of its forces, of its moments, of both;
+- `gain`: the same of the joint torques, of all or of one joint.
 """
-SIZES: dict[Kind, int] = {"tilt": 2, "mass": 1, "com": 3, "turn": 3, "shift": 3, "delay": 1}
+SIZES: dict[Kind, int] = {
+    "tilt": 2, "mass": 1, "com": 3, "turn": 3, "shift": 3, "delay": 1,
+    "force": 1, "moment": 1, "wrench": 1, "gain": 1,
+}  # fmt: skip
 """Number of parameters of each kind."""
 BASE = "base_wrench"
+Order = tuple[int, ...]
+"""Which value as read is that of each joint, counted from 1; negative: with the opposite sign."""
 
 
 class Free(NamedTuple):
@@ -37,11 +44,21 @@ class Free(NamedTuple):
     kind: Kind
     field: str = ""
     """Field of the scene of the force/torque sensor; empty: the group is of no sensor."""
+    joint: int | None = None
+    """Index of the joint; None: all joints."""
 
     @property
     def size(self) -> int:
         """Number of parameters."""
         return SIZES[self.kind]
+
+
+SCALED: dict[Kind, np.ndarray] = {
+    "force": np.repeat([1.0, 0.0], 3),
+    "moment": np.repeat([0.0, 1.0], 3),
+    "wrench": np.ones(6),
+}
+"""Which components of a force/torque sensor each kind of scale changes."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +73,8 @@ class SensorSetup:
     sign: float
     """1 if it reads the wrench of what it carries on it, -1 for the reverse."""
     order: np.ndarray
-    """Its six values as read, from those in the order of the sensor's frame, shape (6, 6)."""
+    """Its six values as read, from those in the order and units of the sensor's frame, shape (6, 6): a
+    permutation with signs and scales."""
     bias: np.ndarray
     """Its reading without load, as read, shape (6,) [N, Nm]."""
     delay: float
@@ -86,6 +104,8 @@ class SensorSetup:
             return {"rotation": Rotation.from_rotvec(step).as_matrix() @ self.rotation}
         if group.kind == "shift":
             return {"translation": self.translation + step}
+        if group.kind in SCALED:
+            return {"order": self.order * np.exp(SCALED[group.kind] * step[0])}
         return {"delay": self.delay + float(step[0])}
 
 
@@ -112,9 +132,13 @@ class Setup:
     sensors: Mapping[str, SensorSetup]
     """The force/torque sensors by field of the scene, the base sensor first."""
     gain: np.ndarray
-    """Joint torques as read per torque of the actuator, shape (n,)."""
+    """Joint torques as read per torque of the actuator, shape (n,); 0: the value read is a constant."""
     meaning: Meaning
     """What the joint torque signal contains."""
+    angle_order: Order
+    """Of the joint positions and velocities."""
+    torque_order: Order
+    """Of the joint torques."""
 
     @classmethod
     def of(cls, scene: Scene) -> Self:
@@ -133,6 +157,8 @@ class Setup:
             sensors=_sensors(scene),
             gain=np.ones(len(scene.robot.joints)),
             meaning=torque.contains,
+            angle_order=plain_order(len(scene.robot.joints)),
+            torque_order=plain_order(len(scene.robot.joints)),
         )
 
     def with_robot(self, scene: Scene) -> Self:
@@ -153,6 +179,10 @@ class Setup:
                 changed = replace(changed, mass=max(0.0, changed.mass + float(part[0])))
             elif group.kind == "com":
                 changed = replace(changed, com=changed.com + part)
+            elif group.kind == "gain":
+                scaled = changed.gain.copy()
+                scaled[slice(None) if group.joint is None else group.joint] *= np.exp(part[0])
+                changed = replace(changed, gain=scaled)
             else:
                 changed = changed.with_sensor(group.field, **changed.sensors[group.field].moved(group, part))
         return changed
@@ -191,6 +221,17 @@ def _sensors(scene: Scene) -> dict[str, SensorSetup]:
     for field, mount in mounts(scene).items():
         found[field] = SensorSetup.of(mount.settings, mount.body, mount.first_body > mount.body)
     return found
+
+
+def plain_order(joints: int) -> Order:
+    """The values as read are in the arm's order."""
+    return tuple(range(1, joints + 1))
+
+
+def in_order(values: np.ndarray, order: Order) -> np.ndarray:
+    """Values of the joints, shape (..., n), from those as read, of the same shape."""
+    places = np.array(order)
+    return np.asarray(values[..., np.abs(places) - 1] * np.sign(places))
 
 
 def horizontal(gravity: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ from contactsense.benchmarks.calibration.recordings import read
 from contactsense.benchmarks.calibration.setup_draws import Settings, right_setup, wrong_setup
 from contactsense.calibration import FreeMotion
 from contactsense.robots.tool import Tool
-from contactsense.setup_check import CheckError, Finding, Residuals, check, lines
+from contactsense.setup_check import CheckError, Finding, Residuals, SetupCheck, check, lines
 from contactsense.setup_check.check import _report, _tolerance, _unexplained
 from contactsense.setup_check.fit import Fitter
 from contactsense.setup_check.motion_basis import MotionBases, Readings
@@ -24,7 +24,19 @@ USUAL = (
     "mounting: one angle with the wrong sign",
     "base sensor 10 to 50 ms late or early",
     "tool mass wrong by 0.5 to 2 kg",
+    "joint torques of another scale or unit",
+    "torque constants wrong by 25 to 100 %",
+    "torque of one joint zero or frozen",
+    "forces in kgf or lbf",
+    "one component of the base sensor reversed",
+    "positions of two joints exchanged",
+    "torques of two joints exchanged",
+    "velocities zero, or in degrees",
 )
+
+
+def _untold(found: SetupCheck) -> set[str]:
+    return {item.line for item in found.findings if item.verdict == "cannot_tell"}
 
 
 @pytest.mark.parametrize("kind", USUAL)
@@ -35,15 +47,16 @@ def test_the_wrong_line_is_named(kind: str) -> None:
     assert not found.fits
     # What explains the readings about as well, and nothing else: the tool's mass is also a part of `tool`.
     assert found.wrong[0].instead == (("tool",) if case.line == "tool.mass" else ())
-    assert found.wrong[0].before is not None
-    assert found.wrong[0].after == found.residuals
+    if found.wrong[0].before is not None:
+        assert found.wrong[0].after == found.residuals
 
 
 def test_a_right_setup_fits_and_the_proposed_value_is_the_true_one() -> None:
     right = right_setup("ur10e", 3, DRAWN)
     found = check(right.scene, [right.recording])
     assert found.fits
-    assert {item.verdict for item in found.findings} == {"fits"}
+    # The wrist's torques are little more than friction: which of them is which is not known.
+    assert _untold(found) <= {"joint torques: order"}
 
     assert isinstance(right.scene.mounting, tuple)
     roll, pitch, yaw = right.scene.mounting
@@ -113,8 +126,10 @@ def test_an_arm_at_rest_tells_little_and_accuses_nothing(tared: bool) -> None:
     )
     found = check(case.scene, [still])
     assert found.fits
-    untold = {item.line for item in found.findings if item.verdict == "cannot_tell"}
+    untold = _untold(found)
     assert {"robot", "tool.mass", "base_wrench.rpy", "base_wrench.translation", "base_wrench.delay"} <= untold
+    assert {"base wrench: scale", "base wrench: frozen values", "joint torques: frozen values"} <= untold
+    assert "joint velocities: agreement" in untold
 
 
 @pytest.mark.parametrize("missing", [(0.3, 0.1), (0.023, 0.015)])
@@ -129,7 +144,7 @@ def test_a_sensor_set_to_zero_under_load_and_missing_samples_accuse_nothing(
     parts = {"torque": whole.torque[kept], "reading": (whole.reading - whole.reading[0])[kept]}
     found = check(case.scene, [FreeMotion(whole.t[kept], whole.q[kept], whole.qd[kept], **parts)])
     assert found.fits
-    assert not [item.line for item in found.findings if item.verdict == "cannot_tell"]
+    assert _untold(found) <= {"joint torques: order"}
 
 
 def test_predictions_agree_with_independent_dynamics() -> None:

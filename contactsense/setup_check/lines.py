@@ -1,0 +1,66 @@
+"""The lines of a scene that can be checked."""
+
+from contactsense.scene import Scene
+from contactsense.sensors.settings import CURRENTS
+from contactsense.setup_check.setup import BASE
+
+Line = str
+"""A field of the scene by its path, or, with a colon, a property of the signals that no field states."""
+VELOCITIES: Line = "joint velocities: agreement"
+FROZEN_TORQUES: Line = "joint torques: frozen values"
+_ARM: tuple[Line, ...] = (
+    "robot", "joint positions: unit", "joint positions: order", VELOCITIES, "mounting", "tool", "tool.mass",
+    "tool.com",
+)  # fmt: skip
+
+
+def lines(scene: Scene) -> tuple[Line, ...]:
+    """All lines of a scene that can be checked, in the order in which they are reported."""
+    sensors = [line for field in wrench_fields(scene) for line in sensor_lines(scene, field)]
+    return (*_ARM, *sensors, *torque_lines(scene))
+
+
+def torque_lines(scene: Scene) -> tuple[Line, ...]:
+    """Lines of the joint torques."""
+    return (
+        "joint_torque.sign",
+        "joint_torque.signal",
+        "joint_torque.meaning",
+        torque_scale(scene),
+        "joint torques: order",
+        FROZEN_TORQUES,
+    )
+
+
+def torque_scale(scene: Scene) -> Line:
+    """The line that states the scale of the joint torques: that of currents is a field of the scene."""
+    currents = scene.joint_torque is not None and scene.joint_torque.signal in CURRENTS
+    return "joint_torque.torque_constants" if currents else "joint torques: scale"
+
+
+def wrench_fields(scene: Scene) -> tuple[str, ...]:
+    """Fields of the force/torque sensors of a scene, the base sensor first."""
+    return (*(() if scene.base_wrench is None else (BASE,)), *scene.link_sensors)
+
+
+def sensor_lines(scene: Scene, field: str) -> tuple[Line, ...]:
+    """Lines of one force/torque sensor."""
+    names = ("order of axes", "force and moment", "scale", "frozen values")
+    signals = (f"{label(field)} wrench: {name}" for name in names)
+    stated = ["sign", "rpy", "translation", "delay"]
+    if field.startswith("link_wrenches."):
+        stated.insert(0, "link")
+    # A stream estimates the bias of the base sensor; the others keep the scene's.
+    own = ("range",) if field == BASE else ("bias", "range")
+    return (*(f"{field}.{name}" for name in stated), *signals, *(f"{field}.{name}" for name in own))
+
+
+def label(field: str) -> str:
+    """Name of a force/torque sensor in the lines that no field states."""
+    return field.rpartition(".")[2].removesuffix("_wrench")
+
+
+def sensor_of(scene: Scene, line: Line) -> str | None:
+    """Field of the force/torque sensor that a line is about; None: it is about none."""
+    found = [field for field in wrench_fields(scene) if line in sensor_lines(scene, field)]
+    return found[0] if found else None
