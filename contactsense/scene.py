@@ -32,6 +32,7 @@ from contactsense.robots.surroundings import Body
 from contactsense.robots.tool import Tool
 from contactsense.robots.units import within_one_turn
 from contactsense.robots.yaml_fields import read_fields
+from contactsense.sensors.arm_limits import in_this_arm, within_the_joints
 from contactsense.sensors.field_checks import (
     carried_by,
     has_no_former_field,
@@ -236,9 +237,12 @@ class Scene(FileModel):
                 raise ValueError(
                     f"inertia: expected links of {', '.join(self.robot.link_names)}, got {name!r}"
                 )
+        for name, inertia in (self.inertia or {}).items():
+            in_this_arm(self.robot, name, inertia)
         if self.joint_torque is not None:
             has_one_per_joint("joint_torque", self.joint_torque, joints)
             has_one_per_joint("joint_torque.friction", self.joint_torque.friction, joints)
+            within_the_joints(self.robot, self.joint_torque)
             if self.joint_torque.signal == "external_torque" and self.joint_torque.fields is None:
                 raise ValueError(
                     f"joint_torque.fields: expected the {joints} fields that carry external_torque, got none"

@@ -49,16 +49,16 @@ def carried_by(arm: float, tool: Tool) -> None:
     try:
         in_metres(tool.com)
         field = "mass"
-        _lighter_than(arm, tool.mass)
+        lighter_than(arm, tool.mass)
         field = "tensor"
-        _of_its_mass(tool.mass, tool.tensor)
+        of_its_mass(tool.mass, tool.tensor)
     except ValueError as error:
         raise ValueError(f"tool.{field}: {error}") from None
     touchable_in_metres("tool", tool.primitives)
 
 
-def _lighter_than(arm: float, tool: float) -> None:
-    """Check the mass of a tool [kg].
+def lighter_than(arm: float, tool: float) -> None:
+    """Check the mass of a tool, or of one link [kg].
 
     Raises:
         ValueError: it is above that of the arm itself [kg], as masses in g are.
@@ -70,9 +70,9 @@ def _lighter_than(arm: float, tool: float) -> None:
         )
 
 
-def _of_its_mass(mass: float, tensor: Sequence[float]) -> None:
-    """Check the inertia of a tool about its centre of mass, ixx, ixy, ixz, iyy, iyz, izz [kg m^2]. Without a
-    mass [kg], which calibration may find, there is nothing to compare it with.
+def of_its_mass(mass: float, tensor: Sequence[float]) -> None:
+    """Check the inertia of a tool, or of a link, about its centre of mass, ixx, ixy, ixz, iyy, iyz, izz
+    [kg m^2]. Without a mass [kg], which calibration may find, there is nothing to compare it with.
 
     Raises:
         ValueError: A moment is above that of the mass at the ends of the longest tool, as in kg mm^2.

@@ -18,6 +18,7 @@ from contactsense.runtime.weight import ArmWeight
 from contactsense.runtime.wrench_map import WrenchMap
 from contactsense.scene import Scene
 from contactsense.sensors.settings import WrenchSensor
+from contactsense.service.scene.load_warnings import load_warnings
 
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 
@@ -89,7 +90,11 @@ def as_plain(scene: Scene, q: np.ndarray) -> dict[str, Any]:
 
 def scene_warnings(scene: Scene) -> tuple[str, ...]:
     """What is possible but cannot work well, one line each, with the field to change."""
-    found = [*_mass_warnings(scene), *_range_warnings(scene, "base_wrench", scene.base_wrench, "arm")]
+    found = [
+        *_mass_warnings(scene),
+        *load_warnings(scene),
+        *_range_warnings(scene, "base_wrench", scene.base_wrench, "arm"),
+    ]
     for field, sensor in scene.link_sensors.items():
         found += _range_warnings(scene, field, sensor, "tool" if field == "wrist_wrench" else "load")
     if scene.tool is not None and scene.tool.mass > 0.0 and not scene.tool.primitives:

@@ -1,0 +1,103 @@
+"""Warnings of a scene whose numbers are possible but not those of its arm; limits are the arm's data."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from contactsense.kinematics.inverse_dynamics import inverse_dynamics
+from contactsense.kinematics.model import empty_motion
+from contactsense.runtime.constants import model_with_tool
+from contactsense.runtime.largest_reading import RAMP_TIME
+from contactsense.scene import Scene
+from contactsense.sensors.settings import WrenchSensor, per_joint
+
+_POSTURES = 300
+_OTHER_MASS = 2.0
+"""A link whose mass differs from the robot's data by more than this factor is another link."""
+
+
+def load_warnings(scene: Scene) -> Iterator[str]:
+    """What is stated of loads, drives and noise beyond what the arm's data allow, one line each."""
+    yield from _masses(scene)
+    yield from _torques(scene)
+    yield from _drives(scene)
+    if scene.base_wrench is not None:
+        yield from _noise(scene, "base_wrench", scene.base_wrench)
+    for field, sensor in scene.link_sensors.items():
+        yield from _noise(scene, field, sensor)
+
+
+def _masses(scene: Scene) -> Iterator[str]:
+    """Links whose stated mass is far from the robot's data."""
+    for link in scene.robot.links:
+        stated, known = (scene.inertia or {}).get(link.name), link.inertia.mass
+        if stated is not None and known > 0.0 and not 1.0 / _OTHER_MASS < stated.mass / known < _OTHER_MASS:
+            yield (
+                f"inertia.{link.name}.mass: expected about the {known:.3g} kg of the robot's data, "
+                f"got {stated.mass:.3g} kg"
+            )
+
+
+def _torques(scene: Scene) -> Iterator[str]:
+    """Joints that cannot hold arm and tool in some posture, where the scene states a part of the weight."""
+    if scene.tool is None and scene.inertia is None:
+        return
+    joints = scene.robot.joints
+    n, model = len(joints), model_with_tool(scene)
+    low, high = np.clip([joint.position_limits for joint in joints], -np.pi, np.pi).T
+    still, torque, motion, wrench = np.zeros(n), np.zeros(n), empty_motion(n), np.zeros(6)
+    largest = np.zeros(n)
+    for q in np.random.default_rng(0).uniform(low, high, (_POSTURES, n)):
+        inverse_dynamics(model, q, still, still, scene.gravity_base, motion, torque, wrench)
+        largest = np.maximum(largest, np.abs(torque))
+    limits = np.array([joint.torque_limit for joint in joints])
+    worst = int(np.argmax(largest / limits))
+    if largest[worst] > limits[worst]:
+        field = "tool" if scene.tool is not None and scene.tool.mass > 0.0 else "inertia"
+        yield (
+            f"{field}: expected a weight that {joints[worst].name} can hold ({limits[worst]:.3g} Nm), got "
+            f"{largest[worst]:.3g} Nm in some posture"
+        )
+
+
+def _drives(scene: Scene) -> Iterator[str]:
+    """Noise, friction and rotors that leave nothing of a joint's largest torque."""
+    sensor, joints = scene.joint_torque, scene.robot.joints
+    if sensor is None:
+        return
+    limits = np.array([joint.torque_limit for joint in joints])
+    speeds = np.array([joint.velocity_limit for joint in joints])
+    rotors = sensor.rotor_inertia or tuple(joint.rotor_inertia for joint in joints)
+    torques = {
+        "noise": ("a noise", per_joint(sensor.noise, len(joints))),
+        "model_error": ("an error", per_joint(sensor.model_error, len(joints))),
+        "friction.viscous": (
+            "a friction at the largest speed",
+            speeds * per_joint(sensor.friction.viscous, len(joints)),
+        ),
+        "rotor_inertia": (
+            f"a torque to the largest speed within {RAMP_TIME:g} s",
+            speeds / RAMP_TIME * np.array(rotors),
+        ),
+    }
+    for field, (what, torque) in torques.items():
+        for j in np.flatnonzero(torque >= limits)[:1]:
+            yield (
+                f"joint_torque.{field}: expected {what} below the {limits[j]:g} Nm of {joints[j].name}, "
+                f"got {torque[j]:.3g} Nm"
+            )
+
+
+def _noise(scene: Scene, field: str, sensor: WrenchSensor) -> Iterator[str]:
+    """A sensor whose noise is more than all that it could carry."""
+    weight = scene.gravity * (scene.robot.mass + scene.tool_inertia.mass)
+    reach = sum(float(np.linalg.norm(joint.translation)) for joint in scene.robot.joints)
+    for name, noise, limit, unit in (
+        ("force_noise", sensor.force_noise, weight, "N"),
+        ("moment_noise", sensor.moment_noise, weight * reach, "Nm"),
+    ):
+        if weight > 0.0 and noise >= limit:
+            yield (
+                f"{field}.{name}: expected less than the arm's own weight causes ({limit:.3g} {unit}), got "
+                f"{noise:g} {unit}: contacts cannot be detected"
+            )

@@ -1,0 +1,96 @@
+"""Numbers of a scene that are possible but not those of its arm."""
+
+import pytest
+
+from contactsense import JointTorqueSensor, Scene, WrenchSensor
+from contactsense.robots.tool import Tool
+from contactsense.scene import SceneError
+from contactsense.sensors.settings import Friction, LinkInertia
+from contactsense.service.scene.load_warnings import load_warnings
+
+NONE = (0.0,) * 6
+RATED = {"ur3e": 3.0, "ur5e": 5.0, "ur10e": 12.5, "ur16e": 16.0, "ur20": 20.0}
+"""Payloads of the arms [kg], from their data sheets."""
+
+
+@pytest.mark.parametrize(("arm", "mass"), RATED.items())
+@pytest.mark.parametrize("mounting", ["table", "wall"])
+def test_the_rated_payload_gives_no_warning(arm: str, mass: float, mounting: str) -> None:
+    scene = Scene.model_validate(
+        {"robot": arm, "mounting": mounting, "tool": {"mass": mass, "com": [0, 0, 0.1]}}
+    )
+    assert not list(load_warnings(scene))
+
+
+@pytest.mark.parametrize(
+    ("scene", "start"),
+    [
+        (
+            Scene(robot="ur5e", tool=Tool(mass=15.0)),
+            "tool: expected a weight that shoulder_lift_joint can hold",
+        ),
+        (
+            Scene(robot="ur5e", tool=Tool(mass=1.0, com=(0.0, 0.0, 5.0))),
+            "tool: expected a weight that wrist_1",
+        ),
+        (
+            Scene(robot="ur5e", inertia={"forearm": LinkInertia(mass=8.0, com=(0, 0, 0), tensor=NONE)}),
+            "inertia.forearm.mass: expected about the 2.85 kg of the robot's data, got 8 kg",
+        ),
+        (
+            Scene(robot="ur5e", joint_torque=JointTorqueSensor(noise=(1.0, 1.0, 1.0, 1.0, 28.0, 1.0))),
+            "joint_torque.noise: expected a noise below the 28 Nm of wrist_2_joint, got 28 Nm",
+        ),
+        (
+            Scene(robot="ur5e", joint_torque=JointTorqueSensor(friction=Friction(viscous=60.0))),
+            "joint_torque.friction.viscous: expected a friction at the largest speed below the 150 Nm",
+        ),
+        (
+            Scene(robot="ur5e", joint_torque=JointTorqueSensor(rotor_inertia=(100.0,) * 6)),
+            "joint_torque.rotor_inertia: expected a torque to the largest speed within 0.5 s below",
+        ),
+        (
+            Scene(robot="ur5e", base_wrench=WrenchSensor(force_noise=300.0)),
+            "base_wrench.force_noise: expected less than the arm's own weight causes (213 N), got 300 N",
+        ),
+        (
+            Scene(robot="ur5e", base_wrench=WrenchSensor(moment_noise=300.0)),
+            "base_wrench.moment_noise: expected less than the arm's own weight causes",
+        ),
+    ],
+)
+def test_what_the_arm_cannot_have_is_told(scene: Scene, start: str) -> None:
+    (found,) = load_warnings(scene)
+    assert found.startswith(start)
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        (
+            {"inertia": {"forearm": {"mass": 1000, "com": [0, 0, 0], "tensor": NONE}}},
+            "inertia.forearm.mass: expected kg, at most the 21.7 kg of the arm itself, got 1000",
+        ),
+        (
+            {"inertia": {"forearm": {"mass": 2.8, "com": [0, 0, 120], "tensor": NONE}}},
+            "inertia.forearm.com: expected x, y, z in m",
+        ),
+        (
+            {"inertia": {"forearm": {"mass": 2.8, "com": [0, 0, 0], "tensor": [2e4, 0, 0, 2e4, 0, 1e3]}}},
+            r"inertia.forearm.tensor: expected kg m\^2, none above 17.5",
+        ),
+        (
+            {"joint_torque": {"friction": {"coulomb": [1, 1, 1, 1e6, 1, 1]}}},
+            "joint_torque.friction.coulomb: expected Nm, less than the 28 of wrist_1_joint, got 1e",
+        ),
+        ({"joint_torque": {"friction": {"lubricant": 28}}}, "joint_torque.friction.lubricant: expected Nm"),
+        ({"joint_torque": {"friction": {"rest_error": 28}}}, "joint_torque.friction.rest_error: expected Nm"),
+        (
+            {"joint_torque": {"bias": -40}},
+            "joint_torque.bias: expected Nm, less than the 28 of wrist_1_joint",
+        ),
+    ],
+)
+def test_what_no_part_of_the_arm_can_be_is_refused(fields: dict[str, object], message: str) -> None:
+    with pytest.raises(SceneError, match=message):
+        Scene(robot="ur5e", **fields)
