@@ -18,7 +18,8 @@ from contactsense.calibration import calibrate as run
 from contactsense.robots.file_references import moved
 from contactsense.runtime.plausibility import PlausibleLimits
 from contactsense.scene import Scene, SceneError
-from contactsense.service.cli.calibration_page import Section, channels, page
+from contactsense.service.cli.calibration_doubts import doubts
+from contactsense.service.cli.calibration_page import Section, channels, page, reasons_against
 from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError
 from contactsense.service.recordings.free_motion import read_free_motion
 
@@ -45,7 +46,10 @@ _PARTS = ("joint_torque", "base_wrench", "wrist_wrench", "link_wrenches", "mount
 )
 @click.option("--verbose", is_flag=True, help="Print every parameter, kept ones too, and every warning.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result for a program.")
+@click.pass_context
 def calibrate(
+    ctx: click.Context,
+    /,
     recordings: tuple[Path, ...],
     path: Path,
     out: Path | None,
@@ -60,7 +64,8 @@ def calibrate(
     """Calibrate the scene from RECORDINGS of contact-free motion.
 
     Prints what was left out because something seems to push on the arm, what changed, what it means, and what
-    to do next. Nothing is written without --out or --write.
+    to do next. Nothing is written without --out or --write. Exit status: 0 the calibrated scene can be used,
+    1 the input cannot be used, 3 the calibrated scene should not be used; --write then changes nothing.
     """
     if out is not None and in_place:
         raise click.UsageError("--out and --write: expected one of them, got both")
@@ -83,8 +88,11 @@ def calibrate(
             found = run(scene, stretches, settings, lambda text: status.update(f"calibrating: {text}"))
     except (SceneError, RecordingError, MappingError, CalibrationError, ValueError) as error:
         raise click.ClickException(str(error)) from None
-    target = path if in_place else out
-    sections = page(found, scene, target)
+    with errors.status("judging the result"):
+        against = reasons_against(found, doubts(found, scene, stretches))
+    # A scene that works is not replaced by one that should not be used.
+    target = out if not in_place else None if against else path
+    sections = page(found, scene, target, against)
     try:
         if report is not None:
             from contactsense.service.cli.calibration_report import write_report
@@ -99,11 +107,13 @@ def calibrate(
     except OSError as error:
         raise click.ClickException(f"{error.filename}: cannot write: {error.strerror}") from None
     if as_json:
-        click.echo(json.dumps(as_plain(found), indent=1))
+        click.echo(json.dumps({**as_plain(found), "against": list(against)}, indent=1))
     else:
         _print_page(found, sections)
         if verbose:
             _print_everything(found, scene)
+    if against:
+        ctx.exit(3)
 
 
 def _in_radians(recording: Path, scene: Scene, stretches: list[FreeMotion]) -> None:

@@ -51,20 +51,23 @@ def channels(scene: Scene) -> tuple[str, ...]:
     return joints + tuple(f"{place} {component}" for place in places for component in _COMPONENTS)
 
 
-def page(found: Calibration, scene: Scene, written: Path | None) -> tuple[Section, ...]:
+def page(
+    found: Calibration, scene: Scene, written: Path | None, against: tuple[str, ...]
+) -> tuple[Section, ...]:
     """The sections of the page.
 
     Args:
         found: Result of the calibration.
         scene: The scene before.
         written: File into which the calibrated scene was written.
+        against: Why it should not be used, see `reasons_against`.
     """
     names = channels(scene)
     sections = [
         Section("Left out: something seems to push on the arm", _contacts(found, names)),
         Section("What changed", _changes(found, scene)),
         Section("What it means", _meaning(found, names)),
-        Section("What to do next", _next_steps(found, names, written)),
+        Section("What to do next", _next_steps(found, written, against)),
     ]
     return tuple(section for section in sections if section.lines)
 
@@ -189,20 +192,34 @@ def _unexplained(found: Calibration, names: tuple[str, ...]) -> list[str]:
     ]
 
 
-def _next_steps(found: Calibration, names: tuple[str, ...], written: Path | None) -> tuple[str, ...]:
-    steps = [warning for warning in found.warnings if not warning.endswith(": kept")]
+def reasons_against(found: Calibration, doubts: tuple[str, ...]) -> tuple[str, ...]:
+    """Why the calibrated scene should not be used, one sentence each; none: it can be.
+
+    `doubts`: see `contactsense.service.cli.calibration_doubts`.
+    """
+    names = channels(found.scene)
+    reasons = [
+        f"do not use this scene: {text}. Correct the scene before, which `contactsense check` checks, and "
+        "calibrate again"
+        for text in doubts
+    ]
     known = np.isfinite(found.after.rms)
     if (found.after.rms[known] > _WRONG * found.before.rms[known]).any():
-        steps.append(
+        reasons.append(
             "do not use this scene: the one before explains this motion better. Record more motion, such as "
             "that of `contactsense excite`, or find the wrong line with `contactsense check`"
         )
     elif unexplained := _unexplained(found, names):
         # A fit cannot reverse a sign or exchange axes: it bends what it may change.
-        steps.append(
+        reasons.append(
             f"do not use this scene: it does not explain {', '.join(unexplained)}. Find the wrong line of "
             "the scene before with `contactsense check`"
         )
+    return tuple(reasons)
+
+
+def _next_steps(found: Calibration, written: Path | None, against: tuple[str, ...]) -> tuple[str, ...]:
+    steps = [*against, *(warning for warning in found.warnings if not warning.endswith(": kept"))]
     if found.contacts:
         steps.append(
             "look at the stretches that were left out: a hand, a cable, a hard stop. If nothing was there, "
@@ -215,9 +232,11 @@ def _next_steps(found: Calibration, names: tuple[str, ...], written: Path | None
             f"this motion does not excite {', '.join(unexcited[:3])}{more}, kept as in the scene: a "
             "motion of `contactsense excite` does"
         )
-    if written is None:
+    if against and written is None:
+        steps.append("no scene was changed")
+    elif written is None:
         steps.append("nothing was written: --out FILE writes the calibrated scene, --write changes the scene")
-    else:
+    elif not against:
         steps.append(
             f"try {written} on a recording that calibration has not seen, without contacts: "
             f"`contactsense analyze RECORDING --scene {written}` must find none"

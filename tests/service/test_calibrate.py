@@ -14,10 +14,13 @@ from contactsense.benchmarks.calibration.simulate import simulate
 from contactsense.calibration import Calibration, Settings
 from contactsense.calibration import calibrate as estimate
 from contactsense.calibration.fourier_trajectory import FourierTrajectory
+from contactsense.calibration.parameters import Entry
+from contactsense.calibration.result import Value
 from contactsense.robots.tool import Tool
 from contactsense.sensors.settings import Friction
 from contactsense.service.cli.calibrate import calibrate
-from contactsense.service.cli.calibration_page import page
+from contactsense.service.cli.calibration_doubts import doubts
+from contactsense.service.cli.calibration_page import page, reasons_against
 from contactsense.service.recordings.export import write_columns
 from contactsense.service.recordings.free_motion import read_free_motion
 
@@ -46,6 +49,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_columns(made / "free.csv", columns)
     columns["joint_torque_2"] = stretch.torque[:, 2] + 15.0 * ((stretch.t > 3.5) & (stretch.t < 4.5))
     write_columns(made / "pushed.csv", columns)
+    scaled = {f"joint_torque_{i}": 100.0 * stretch.torque[:, i] for i in range(6)}
+    write_columns(made / "ncm.csv", columns | scaled)
     columns |= {f"actual_q_{i}": np.degrees(stretch.q[:, i]) for i in range(6)}
     write_columns(made / "degrees.csv", columns)
     (made / "scene.yaml").write_text("robot: ur5e\nbase_wrench: null\ndetail: coarse\n")
@@ -79,7 +84,7 @@ def test_a_fit_that_has_gone_wrong_is_not_recommended(folder: Path) -> None:
     found = estimate(scene, parts, Settings(("bias", "coulomb"), widths=False))
 
     def advice(found: Calibration) -> str:
-        return "\n".join(page(found, scene, Path("new.yaml"))[-1].lines)
+        return "\n".join(page(found, scene, Path("new.yaml"), reasons_against(found, ()))[-1].lines)
 
     assert "do not use this scene" not in advice(found)
     worse = np.where(np.arange(len(found.after.rms)) == 2, 2.1 * found.before.rms, found.after.rms)
@@ -99,7 +104,7 @@ def test_a_base_sensor_that_stays_unexplained_is_not_recommended() -> None:
         stated = sensor.model_copy(update={"sign": sign})
         scene = truth.model_copy(update={"base_wrench": stated})
         found = estimate(scene, [recording], Settings(("wrench_bias", "tilt", "turn"), widths=False))
-        advice[sign] = "\n".join(page(found, scene, Path("new.yaml"))[-1].lines)
+        advice[sign] = "\n".join(page(found, scene, Path("new.yaml"), reasons_against(found, ()))[-1].lines)
     assert "do not use" not in advice["sensor_on_arm"]
     assert re.match(
         r"do not use this scene: it does not explain .*base force z \(\d+ N\)", advice["arm_on_sensor"]
@@ -116,7 +121,7 @@ def test_corrections_are_told_as_the_lines_of_the_scene() -> None:
     motion = FourierTrajectory.draw(np.random.default_rng(4), center, np.full(6, 0.7), 6, 8.0)
     groups = Settings(("wrench_bias", "tilt", "turn", "shift"), widths=False)
     found = estimate(scene, [simulate(truth, motion, 1, 125.0)], groups)
-    (changed,) = (part.lines for part in page(found, scene, None) if part.title == "What changed")
+    (changed,) = (part.lines for part in page(found, scene, None, ()) if part.title == "What changed")
     told = "\n".join(changed)
     assert re.search(r"orientation of the base sensor: rpy \[.*, 0\.52\d+\] \(was \[0, 0, 0\.45\]\)", told)
     assert re.search(
@@ -136,7 +141,7 @@ def test_no_coordinate_is_minus_zero(folder: Path) -> None:
     found = estimate(scene, parts, Settings(("bias",), widths=False))
     tool = Tool(name="tool", mass=1.4, com=(-5e-5, 0.01, 0.08))
     found = replace(found, scene=found.scene.model_copy(update={"tool": tool}))
-    (changed,) = (part.lines for part in page(found, scene, None) if part.title == "What changed")
+    (changed,) = (part.lines for part in page(found, scene, None, ()) if part.title == "What changed")
     assert "tool: 1.4 kg, centre of mass 0, 10, 80 mm from the flange (was none)" in changed
 
 
@@ -178,6 +183,32 @@ def test_sensors_within_the_arm_are_calibrated_and_written(tmp_path: Path) -> No
     said = json.loads(CliRunner().invoke(calibrate, [*files, "--json"]).stdout)
     assert len(said["equations"]) == len(said["residuals"]["after"]["rms"]) == 24
     assert said["equations"][12:19:6] == ["link_wrenches.elbow force x", "wrist_wrench force x"]
+
+
+def test_a_result_that_cannot_be_is_not_recommended(folder: Path, tmp_path: Path) -> None:
+    """Torques in Ncm, and the scene of another arm: both were recommended."""
+    for name, robot, field in (
+        ("ncm.csv", "ur5e", "joint torques: scale: got 1 per Nm, "),
+        ("free.csv", "ur10e", "robot: got ur10e, ur5e would fit"),
+    ):
+        path = tmp_path / f"{robot}.yaml"
+        path.write_text(f"robot: {robot}\nbase_wrench: null\n")
+        before = path.read_text()
+        result = CliRunner().invoke(calibrate, [str(folder / name), "--scene", str(path), "--write"])
+        assert result.exit_code == 3, result.output
+        assert f"do not use this scene: {field}" in result.stdout
+        assert "no scene was changed" in result.stdout
+        assert path.read_text() == before
+
+
+def test_a_payload_that_pulls_upwards_is_not_recommended(folder: Path) -> None:
+    scene = Scene.load(folder / "scene.yaml")
+    parts, _ = read_free_motion(folder / "free.csv", scene)
+    known = estimate(scene, parts, Settings(("bias",), widths=False))
+    entry = Entry("payload", (0,), "payload mass", "kg", 5.0)
+    for mass, told in ((-1.0, ()), (-4.0, ("tool.mass: expected at least -2.2 kg, got -4 kg",))):
+        found = replace(known, values=(Value(entry, 0.0, mass, 0.1),))
+        assert doubts(found, found.scene, []) == told
 
 
 @pytest.mark.slow
