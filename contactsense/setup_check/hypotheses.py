@@ -133,7 +133,7 @@ class Hypotheses:
             "force and moment": Hypothesis("", (("the moment comes first", exchanged),)),
             "link": Hypothesis("", tuple(changed(body=body) for body in others)),
         }
-        names = {line: re.split(r"\.|: ", line)[-1] for line in sensor_lines(self._scene, field)}
+        names = {line: re.split(r"\.|: ", line)[-1] for line in sensor_lines(field)}
         single = [replace(found[name], line=line) for line, name in names.items() if name in found]
         return [*single, *sensor_scales(field, setup)]
 

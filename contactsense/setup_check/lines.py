@@ -16,7 +16,7 @@ _ARM: tuple[Line, ...] = (
 
 def lines(scene: Scene) -> tuple[Line, ...]:
     """All lines of a scene that can be checked, in the order in which they are reported."""
-    sensors = [line for field in wrench_fields(scene) for line in sensor_lines(scene, field)]
+    sensors = [line for field in wrench_fields(scene) for line in sensor_lines(field)]
     return (*_ARM, *sensors, *torque_lines(scene))
 
 
@@ -43,7 +43,7 @@ def wrench_fields(scene: Scene) -> tuple[str, ...]:
     return (*(() if scene.base_wrench is None else (BASE,)), *scene.link_sensors)
 
 
-def sensor_lines(scene: Scene, field: str) -> tuple[Line, ...]:
+def sensor_lines(field: str) -> tuple[Line, ...]:
     """Lines of one force/torque sensor."""
     names = ("order of axes", "force and moment", "scale", "frozen values")
     signals = (f"{label(field)} wrench: {name}" for name in names)
@@ -62,5 +62,5 @@ def label(field: str) -> str:
 
 def sensor_of(scene: Scene, line: Line) -> str | None:
     """Field of the force/torque sensor that a line is about; None: it is about none."""
-    found = [field for field in wrench_fields(scene) if line in sensor_lines(scene, field)]
+    found = [field for field in wrench_fields(scene) if line in sensor_lines(field)]
     return found[0] if found else None

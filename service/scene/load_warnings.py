@@ -6,7 +6,7 @@ import numpy as np
 
 from contactsense.kinematics.inverse_dynamics import inverse_dynamics
 from contactsense.kinematics.model import empty_motion
-from contactsense.runtime.constants import model_with_tool
+from contactsense.runtime.arm_model import model_with_tool
 from contactsense.runtime.largest_reading import RAMP_TIME
 from contactsense.scene import Scene
 from contactsense.sensors.settings import WrenchSensor, per_joint
