@@ -25,6 +25,7 @@ _SMALL = 0.01
 """Smaller movements within such a time show nothing [rad]."""
 _UNIT_ERROR = 0.1
 """A ratio of the two this close to that of two units, relative, is taken for it."""
+_POSITIONS_IN_DEGREES = "the positions are in degrees, the velocities are not"
 
 
 def frozen_joints(scene: Scene, recordings: Sequence[FreeMotion]) -> tuple[int, ...]:
@@ -121,7 +122,11 @@ def velocity_finding(scene: Scene, recordings: Sequence[FreeMotion]) -> tuple[Fi
         remark = "not determined by this motion"
         return Finding(VELOCITIES, "cannot_tell", "as recorded", remark=remark), wrong
     names = _named(scene, np.flatnonzero(wrong))
-    remark = f"{names}: {_reason(moved[:, wrong], integral[:, wrong])}"
+    reason = _reason(moved[:, wrong], integral[:, wrong])
+    if reason == _POSITIONS_IN_DEGREES:
+        # The line on the unit of the positions corrects them, and keeps the velocities.
+        return Finding(VELOCITIES, "cannot_tell", "as recorded", remark=reason), np.zeros_like(wrong)
+    remark = f"{names}: {reason}"
     proposed = "those with which the positions change"
     return Finding(VELOCITIES, "does_not_fit", "as recorded", proposed, remark), wrong
 
@@ -136,16 +141,18 @@ def _movements(part: FreeMotion) -> tuple[np.ndarray, np.ndarray]:
 
 def _reason(moved: np.ndarray, integral: np.ndarray) -> str:
     """In words, how movements and integrals of velocities differ, shape (K, k) each."""
-    if np.square(integral).sum() < 0.01 * np.square(moved).sum():
-        return "the velocities stay near zero"
-    if np.square(moved).sum() < 0.01 * np.square(integral).sum():
-        return "the positions stay the same"
-    ratio = float(np.sum(moved * integral) / np.sum(integral**2))
-    if np.square(moved - ratio * integral).sum() > 0.1 * np.square(moved).sum():
+    positions, velocities = float(np.square(moved).sum()), float(np.square(integral).sum())
+    ratio = float(np.sum(moved * integral)) / velocities if velocities > 0.0 else 0.0
+    # Units first: their ratio is large, and one of the two would seem to stay the same.
+    if positions == 0.0 or np.square(moved - ratio * integral).sum() > 0.1 * positions:
+        if velocities < 0.01 * positions:
+            return "the velocities stay near zero"
+        if positions < 0.01 * velocities:
+            return "the positions stay the same"
         return "the velocities follow another motion"
     usual = {
         np.pi / 180.0: "the velocities are in degrees",
-        180.0 / np.pi: "the positions are in degrees, the velocities are not",
+        180.0 / np.pi: _POSITIONS_IN_DEGREES,
         -1.0: "the velocities have the opposite sign",
     }
     near = (text for value, text in usual.items() if abs(ratio / value - 1.0) < _UNIT_ERROR)

@@ -17,6 +17,7 @@ from contactsense.setup_check.fit import Fitter
 from contactsense.setup_check.motion_basis import MotionBases, Readings
 from contactsense.setup_check.proposals import roll_and_pitch
 from contactsense.setup_check.setup import BASE, Free, Setup
+from contactsense.setup_check.signal_findings import velocity_finding
 from tests.shared import shared
 
 DRAWN = Settings(seconds=12.0)
@@ -247,3 +248,24 @@ def test_recordings_that_cannot_be_used_are_refused() -> None:
     short = FreeMotion(whole.t, whole.q[:, :5], whole.qd[:, :5])
     with pytest.raises(CheckError, match="expected 6 joints"):
         check(case.scene, [short])
+
+
+@pytest.mark.parametrize(
+    ("of_positions", "of_velocities", "verdict", "reason"),
+    [
+        (180.0 / np.pi, 1.0, "cannot_tell", "the positions are in degrees, the velocities are not"),
+        (1.0, 180.0 / np.pi, "does_not_fit", "the velocities are in degrees"),
+        (1.0, -1.0, "does_not_fit", "the velocities have the opposite sign"),
+        (1.0, 0.0, "does_not_fit", "the velocities stay near zero"),
+        (0.0, 1.0, "does_not_fit", "the positions stay the same"),
+    ],
+)
+def test_units_of_positions_and_velocities_are_told_apart(
+    of_positions: float, of_velocities: float, verdict: str, reason: str
+) -> None:
+    case = right_setup("ur5e", 10, DRAWN)
+    part = case.recording
+    read_as = replace(part, q=of_positions * part.q, qd=of_velocities * part.qd)
+    found, _ = velocity_finding(case.scene, [read_as])
+    assert found.verdict == verdict
+    assert reason in found.remark
