@@ -110,7 +110,7 @@ def test_serve_tells_where_it_is_and_ends_when_told(number: signal.Signals) -> N
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        (("serve", "--robot", "ur5"), "unknown robot 'ur5'"),
+        (("serve", "--robot", "ur7"), "unknown robot 'ur7'"),
         (("serve", "--scene", "none.yaml"), "none.yaml"),
         (("serve", "--robot-host", "192.0.2.1"), "expected either its address (--ft-host)"),
         (
@@ -264,7 +264,7 @@ def test_a_mock_that_cannot_loop(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_child_that_does_not_come_up_is_told_with_its_last_words() -> None:
     with (
-        child("serve", "--robot", "ur5") as failing,
+        child("serve", "--robot", "ur7") as failing,
         pytest.raises(ChildError, match=r"status 1: .*unknown robot"),
     ):
         failing.wait_for("serving at ")
