@@ -6,6 +6,7 @@ import os
 import socket
 import ssl
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 import click
@@ -148,10 +149,23 @@ def serve(**options: Any) -> int:
         click.echo(f"interface: {url}/docs; viewer: contactsense view --url {url}")
         prioritize()
         prefer_low_latency()
-        # uvicorn shuts down in order on SIGINT and SIGTERM, and then raises it again.
+        # An interrupt may come before the server handles it.
         with contextlib.suppress(KeyboardInterrupt):
-            uvicorn.Server(config).run([listener])
+            _Server(config).run([listener])
     return 0
+
+
+class _Server(uvicorn.Server):
+    """Shuts down in order on SIGINT and SIGTERM, however often they come.
+
+    uvicorn leaves out the shutdown at a second SIGINT, which would leave the pipeline to itself, and raises
+    each signal again at the end. An impatient Ctrl-C, or one that a shell and `timeout` both pass on, then
+    ended in a traceback.
+    """
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """Begin to shut down."""
+        self.should_exit = True
 
 
 class _LogLines:

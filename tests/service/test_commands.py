@@ -2,6 +2,7 @@
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -102,6 +103,32 @@ def test_serve_tells_where_it_is_and_ends_when_told(number: signal.Signals) -> N
     assert second == f"interface: {url}/docs; viewer: contactsense view --url {url}\n"
     assert http.get(f"{url}/v1/health", timeout=60).json()["status"] == "idle"
     process.send_signal(number)
+    _, err = process.communicate(timeout=30)
+    assert process.returncode == 0
+    assert "Traceback" not in err
+
+
+def test_serve_ends_in_order_when_it_is_interrupted_twice() -> None:
+    """A request whose body has not come keeps the shutdown open until the second interrupt is there."""
+    process = contactsense("serve", "--port", "0")
+    assert process.stdout is not None
+    url = process.stdout.readline().removeprefix("serving at ").strip()
+    assert http.get(f"{url}/v1/health", timeout=60).json()["status"] == "idle"
+    host, _, port = url.removeprefix("http://").partition(":")
+
+    def closed() -> bool:
+        with socket.socket() as probe:
+            return probe.connect_ex((host, int(port))) != 0
+
+    with socket.create_connection((host, int(port))) as slow:
+        slow.sendall(
+            f"POST /v1/locate HTTP/1.1\r\nHost: {host}:{port}\r\nContent-Type: application/json\r\n"
+            "Content-Length: 2\r\nExpect: 100-continue\r\n\r\n".encode()
+        )
+        assert slow.recv(100).startswith(b"HTTP/1.1 100")  # the body is being waited for
+        process.send_signal(signal.SIGINT)
+        assert until(closed)
+        process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=30)
     assert process.returncode == 0
     assert "Traceback" not in err
