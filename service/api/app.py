@@ -30,6 +30,7 @@ from contactsense.service.api.known_parameters import refuse_unknown_parameters
 from contactsense.service.api.limits import Limits
 from contactsense.service.api.service import Service
 from contactsense.service.api.settings import Settings
+from contactsense.service.api.unknown_path import UnknownPath
 from contactsense.service.live.loading import OnLoading
 from contactsense.service.live.pipeline_process import Source
 
@@ -106,6 +107,7 @@ def create_app(
     app.add_api_route("/", _to_description, include_in_schema=False)
     for module in ROUTERS:
         app.include_router(module.router, dependencies=[Depends(refuse_unknown_parameters)])
+    app.router.default = UnknownPath(app.routes)
     errors.install(app)
     app.add_middleware(Limits, limits=service.limits, refused=service.refused)
     app.add_middleware(Access, rules=settings.access_rules())

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import httpx
 import numpy as np
 import pytest
-from websockets.exceptions import ConnectionClosedError
+from websockets.exceptions import ConnectionClosedError, InvalidStatus
 from websockets.sync.client import connect
 
 from contactsense import robots
@@ -175,6 +175,34 @@ def test_other_errors_have_the_same_form(idle: httpx.Client) -> None:
     deep = idle.post("/v1/locate", content="[" * 100_000, headers={"content-type": "application/json"})
     assert deep.status_code == 400
     assert "expected a body in JSON" in deep.json()["errors"][0]["reason"]
+
+
+def test_the_path_of_a_websocket_says_so(idle: httpx.Client) -> None:
+    for path in ("/v1/stream", "/v1/track"):
+        answer = idle.get(path)
+        assert answer.status_code == 426
+        assert answer.headers["upgrade"] == "websocket"
+        reason = f"{path}: expected a WebSocket, got an HTTP request"
+        assert answer.json() == {"errors": [{"field": "", "reason": reason}]}
+
+
+@pytest.mark.parametrize(
+    ("path", "reason"),
+    [
+        ("/v1/strea", "there is no WebSocket /v1/strea; GET /docs describes the interface"),
+        ("/v1/contacts", "/v1/contacts: expected an HTTP request, got a WebSocket"),
+        ("/v1/locate", "/v1/locate: expected an HTTP request, got a WebSocket"),
+    ],
+)
+def test_a_websocket_to_another_path_is_told(idle: httpx.Client, path: str, reason: str) -> None:
+    """Not with 403, which is what a missing token or a foreign page gets."""
+    with (
+        pytest.raises(InvalidStatus) as refused,
+        connect(f"ws://{idle.base_url.host}:{idle.base_url.port}{path}"),
+    ):
+        pass
+    assert refused.value.response.status_code == 404
+    assert json.loads(refused.value.response.body) == {"errors": [{"field": "", "reason": reason}]}
 
 
 def test_a_body_that_is_not_declared_as_json(idle: httpx.Client) -> None:
