@@ -25,6 +25,8 @@ POLL = 0.5
 """Time between two requests for health and latches [s]."""
 LONGEST_PAUSE = 2.0
 """Longest pause before the stream is opened again [s]."""
+OUTDATED = "**The service's scene has changed; here is the former one. Start the viewer again.**"
+"""Shown as soon as the service serves another scene."""
 STALE = 1.0
 """An estimate that is older is not shown [s]."""
 
@@ -43,6 +45,7 @@ class LiveSource:
             LiveError: The service does not answer, or its scene cannot be used here.
         """
         self._calls = calls
+        self._served = calls.scene_fields()
         self.scene = calls.scene() if scene is None else scene
         self.news = threading.Event()
         """Set when a new estimate has come."""
@@ -51,6 +54,7 @@ class LiveSource:
         self._arrival = -float("inf")
         self._lost = ""
         self._message = ""
+        self._outdated = ""
         self._latches: tuple[Latch, ...] = ()
         self._over = threading.Event()
         self._threads = [
@@ -69,7 +73,7 @@ class LiveSource:
 
     def note(self) -> str:
         """What the service says of itself, or why it cannot be heard."""
-        return self._lost or self._message
+        return "\n\n".join(filter(None, (self._outdated, self._lost or self._message)))
 
     @property
     def latches(self) -> tuple[Latch, ...]:
@@ -133,6 +137,8 @@ class LiveSource:
     def _poll(self) -> None:
         while not self._over.is_set():
             try:
+                # A reload or restart may bring another arm, which looks right where it has as many links.
+                self._outdated = "" if self._calls.scene_fields() == self._served else OUTDATED
                 health = self._calls.health()
                 self._message = f"{health.status}: {health.message}"
                 if health.reactions.status != "off":

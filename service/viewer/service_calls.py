@@ -52,15 +52,24 @@ class ServiceCalls:
         Raises:
             LiveError: It does not answer, or names files that are not on this computer.
         """
-        answer = self._get("/v1/scene")
         try:
-            return Scene(**SceneOut.model_validate(answer).scene)
-        except ValidationError:
-            raise LiveError(f"{self.url}: this is not a contactsense service") from None
+            return Scene(**self.scene_fields())
         except (SceneError, OSError) as error:
             raise LiveError(
                 f"{self.url}: its scene cannot be used here: {error}; --scene names a copy of it"
             ) from None
+
+    def scene_fields(self) -> dict[str, Any]:
+        """The service's scene as its YAML file would have it.
+
+        Raises:
+            LiveError: It does not answer.
+        """
+        answer = self._get("/v1/scene")
+        try:
+            return SceneOut.model_validate(answer).scene
+        except ValidationError:
+            raise LiveError(f"{self.url}: this is not a contactsense service") from None
 
     def health(self) -> HealthOut:
         """State of the service.

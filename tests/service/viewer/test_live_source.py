@@ -1,6 +1,6 @@
 """The live source: it draws what a service sends, and tells what it cannot use."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 import numpy as np
@@ -9,7 +9,7 @@ from fastapi import FastAPI, WebSocket
 
 from contactsense.scene import Scene
 from contactsense.service.api.estimate_json import estimate_json
-from contactsense.service.viewer.live_source import RATE, LiveSource
+from contactsense.service.viewer.live_source import OUTDATED, RATE, LiveSource
 from contactsense.service.viewer.service_calls import LiveError, ServiceCalls
 from contactsense.types import Estimate
 from tests.service.loopback import until
@@ -21,13 +21,14 @@ PUSH = estimate(SCENE, contact(SCENE, POSTURE, 3, np.array([-0.2, 0.05, 0.0])), 
 
 
 @contextmanager
-def service(*sent: Estimate, scene: Scene = SCENE) -> Iterator[tuple[str, list[int]]]:
+def service(*sent: Estimate, scenes: Sequence[Scene] = (SCENE,)) -> Iterator[tuple[str, list[int]]]:
     """A service that sends estimates to each connection and then closes it; yields its URL, and the
-    connections so far."""
+    connections so far. Its scene is the last of `scenes`."""
     app, connections = FastAPI(), [0]
 
     @app.get("/v1/scene")
     def _() -> dict[str, object]:
+        scene = scenes[-1]
         dumped = scene.model_dump(mode="json")
         return {"links": scene.link_names, "gravity_base": scene.gravity_base.tolist(), "scene": dumped}
 
@@ -68,6 +69,22 @@ def test_estimates_of_another_arm_are_refused() -> None:
         try:
             assert until(lambda: "it now serves another arm" in source.note())
             assert source.frame().estimate is None
+        finally:
+            source.close()
+
+
+def test_another_scene_of_the_service_is_told() -> None:
+    """The arms of UR have the same number of links: their estimates would be drawn on the wrong one."""
+    scenes = [SCENE]
+    with service(PUSH, scenes=scenes) as (url, connections):
+        source = LiveSource(ServiceCalls(url))
+        try:
+            assert until(lambda: connections[0] >= 1)
+            assert OUTDATED not in source.note()
+            scenes.append(Scene(robot="ur10e"))
+            assert until(lambda: OUTDATED in source.note())
+            scenes.append(SCENE)
+            assert until(lambda: OUTDATED not in source.note())
         finally:
             source.close()
 
