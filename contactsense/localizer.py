@@ -46,7 +46,7 @@ from contactsense.sensors.usable_sensors import (
     usable_sensors_in_python,
 )
 from contactsense.static_localizer import Method, StaticLocalizer
-from contactsense.tracking.contact_tracker import HOLD, NEW, NONE, SLIDE, end_contact
+from contactsense.tracking.contact_track import HOLD, NEW, NONE, SLIDE, end_contact
 from contactsense.types import Estimate, Event, EventKind, Phase, Sample
 
 _PHASES: dict[int, Phase] = {NONE: "", NEW: "new", HOLD: "hold", SLIDE: "slide"}

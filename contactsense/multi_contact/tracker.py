@@ -32,7 +32,9 @@ from contactsense.runtime.buffers import KernelBuffers
 from contactsense.runtime.result_rows import PROBABILITY
 from contactsense.scene import Scene
 from contactsense.sensors.usable_sensors import Usable
-from contactsense.tracking.contact_tracker import NEW, NEW_TIME_CONSTANTS, restart_windows
+from contactsense.tracking.contact_track import NEW
+from contactsense.tracking.contact_tracker import NEW_TIME_CONSTANTS
+from contactsense.tracking.window_averages import restart_windows
 from contactsense.types import Estimate, Event, Phase
 
 PRIOR_INTERVAL = 3.0

@@ -25,7 +25,7 @@ from contactsense.runtime.buffers import Buffers
 from contactsense.runtime.result_rows import LINK, POINT, WIDTH
 from contactsense.runtime.sample_blocks import BlockEstimates, SampleBlock
 from contactsense.scene import Scene
-from contactsense.tracking.contact_tracker import ContactStatus
+from contactsense.tracking.contact_track import ContactStatus
 from contactsense.types import Contact, Estimate
 
 MAX_BLOCK = 8192

@@ -28,7 +28,7 @@ from contactsense.sensors.stream_state import (
     TOUCHED,
 )
 from contactsense.sensors.usable_sensors import usable_residuals_code, usable_sensors
-from contactsense.tracking.contact_tracker import NONE, end_contact
+from contactsense.tracking.contact_track import NONE, end_contact
 from contactsense.tracking.resumed_contact import release_contact
 
 RINGING_TIME = 0.2

@@ -32,7 +32,7 @@ from contactsense.sensors.stream_state import (
     store_sample,
 )
 from contactsense.sensors.usable_sensors import Usable, sensors_in
-from contactsense.tracking.contact_tracker import end_contact
+from contactsense.tracking.contact_track import end_contact
 
 LINK_FIRST, SCREENED, DETECTED, AT_REST, EXTERNAL, CHECKED, DETECT_ONLY = 1, 2, 4, 8, 16, 32, 64
 """Options of `process`, bits of one number. `LINK_FIRST`: as `link_first` of

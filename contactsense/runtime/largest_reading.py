@@ -1,4 +1,4 @@
-"""The largest reading of a force/torque sensor that the arm's own weight and motion cause in its reach."""
+"""The largest readings that the arm's own weight and motion cause in its reach."""
 
 from collections.abc import Callable
 
@@ -86,6 +86,19 @@ def largest_reading_in_motion(scene: Scene, field: str) -> np.ndarray:
         readings = reading(q, np.array(loads))
         worst = np.abs(readings[3:] - readings[0]).sum(axis=0)
         largest = np.maximum(largest, np.abs(readings[1:3]).max(axis=0) + worst)
+    return largest
+
+
+def largest_torque_at_rest(scene: Scene) -> np.ndarray:
+    """Largest magnitude of the torque with which each joint holds arm and tool, in random postures within the
+    joints' limits, shape (n,) [Nm]: the true ones may be slightly larger."""
+    model, (low, high) = model_with_tool(scene), _reach(scene)
+    n = len(low)
+    still, torque, motion, wrench = np.zeros(n), np.zeros(n), empty_motion(n), np.zeros(6)
+    largest = np.zeros(n)
+    for q in np.random.default_rng(0).uniform(low, high, (_POSTURES, n)):
+        inverse_dynamics(model, q, still, still, scene.gravity_base, motion, torque, wrench)
+        largest = np.maximum(largest, np.abs(torque))
     return largest
 
 

@@ -24,9 +24,11 @@ from contactsense.runtime.result_rows import (
 )
 from contactsense.runtime.state import State
 from contactsense.sensors.usable_sensors import usable_residuals_code, usable_sensors
-from contactsense.tracking.contact_tracker import NONE, average_windows, choose_window, update_phase
+from contactsense.tracking.contact_track import NONE
+from contactsense.tracking.contact_tracker import choose_window, update_phase
 from contactsense.tracking.resumed_contact import add_to_links, number_contact
 from contactsense.tracking.sliding import extrapolate_sliding
+from contactsense.tracking.window_averages import average_windows
 
 
 @kernel

@@ -17,7 +17,7 @@ from contactsense.robots.jit.kernel import inlined_kernel
 from contactsense.runtime.constants import Constants
 from contactsense.runtime.state import State
 from contactsense.sensors.stream_state import BASE, TORQUE
-from contactsense.tracking.contact_tracker import NONE
+from contactsense.tracking.contact_track import NONE
 
 MIN_VARIANCE_RATIO = 1e-9
 """Least variance of the residuals over that of a sample's noise; it is 0 before the first sample."""

@@ -112,7 +112,7 @@ class BlockEstimates:
     flags: np.ndarray
     """Flags of each sample, see `contactsense.sensors.stream_state`, shape (N,), int64."""
     phase: np.ndarray
-    """Phase of the contact, see `contactsense.tracking.contact_tracker`, shape (N,), int64."""
+    """Phase of the contact, see `contactsense.tracking.contact_track`, shape (N,), int64."""
     number: np.ndarray
     """Number of the contact, without contact that of the last one, shape (N,), int64. With several contacts,
     that of the first one."""

@@ -40,7 +40,7 @@ from contactsense.sensors.stream_state import (
     register_sample,
     store_sample,
 )
-from contactsense.tracking.contact_tracker import NONE, end_contact
+from contactsense.tracking.contact_track import NONE, end_contact
 
 
 @inlined_kernel

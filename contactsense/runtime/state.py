@@ -23,7 +23,7 @@ from contactsense.runtime.answer import Answer
 from contactsense.runtime.constants import Constants, sizes_of
 from contactsense.sensors.stream_state import StreamState
 from contactsense.solvers.posterior.contact_prior import SearchBuffers
-from contactsense.tracking.contact_tracker import ContactTrack
+from contactsense.tracking.contact_track import ContactTrack
 
 
 class State(NamedTuple):

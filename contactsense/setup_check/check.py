@@ -16,6 +16,7 @@ from contactsense import robots
 from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.recording_residuals import GAP
 from contactsense.scene import Scene
+from contactsense.setup_check.changes import matters, tolerance
 from contactsense.setup_check.fit import Fit, Fitter
 from contactsense.setup_check.hypotheses import Hypotheses
 from contactsense.setup_check.hypothesis import Hypothesis
@@ -40,7 +41,7 @@ from contactsense.setup_check.sensor_findings import (
     saturated_sensors,
     without,
 )
-from contactsense.setup_check.setup import SCALED, Free, Kind, Setup
+from contactsense.setup_check.setup import Free, Setup
 from contactsense.setup_check.signal_findings import (
     frozen_components,
     frozen_findings,
@@ -48,6 +49,7 @@ from contactsense.setup_check.signal_findings import (
     velocity_finding,
     with_own_velocities,
 )
+from contactsense.setup_check.unexplained import unexplained_signals
 
 _EVIDENCE = 30.0
 """A line is reported as wrong if twice the log likelihood rises by more than this beyond the penalty: for
@@ -60,33 +62,12 @@ _MOST = 3
 """Largest number of lines that are reported as wrong."""
 _REFINED = 2
 """Starts from which continuous parameters are fitted."""
-_TOLERANCE: dict[Kind, float] = {
-    "tilt": np.radians(1.0),
-    "mass": 0.15,
-    "com": 0.02,
-    "turn": np.radians(2.0),
-    "shift": 0.01,
-    "delay": 0.003,
-    "force": 0.1,
-    "moment": 0.1,
-    "wrench": 0.1,
-    "gain": 0.1,
-}
-"""Changes below this do not matter [rad, m, s, kg, logarithm]; larger standard deviations determine
-nothing."""
 _MOVES, _MOVING_SHARE = 0.02, 0.3
 """A joint moves if it is faster than this [rad/s] for more than this share of the time."""
 _FROZEN, _AT_RANGE = "its readings stay the same", "the sensor is at its range"
 """Why a sensor is not used."""
 _MIN_ROWS = 8
 """Fewer are not enough."""
-_NOISE_FACTOR, _SHARE = 5.0, 0.3
-"""A signal is unexplained if its residual exceeds its noise by this factor, this share of its own variation,
-and `UNEXPLAINED_SHARE`."""
-UNEXPLAINED_SHARE = 0.03
-"""Share of the joints' limits, or of the weight of what a sensor carries."""
-ARM_LEVER, _TOOL_LEVER = 0.5, 0.1
-"""Moments are compared with that weight at these levers [m]."""
 
 
 class CheckError(ValueError):
@@ -148,7 +129,7 @@ def check(
         candidates = [_fitted(fitter, hypothesis) for hypothesis in hypotheses.of(setup)]
         fitter.set_effective_rows(min([now, *(c.fit for c in candidates)], key=fitter.cost).residual)
         ranked = sorted(candidates, key=lambda c: fitter.cost(c.fit))
-        best = next((c for c in ranked if _matters(now.setup, c.fit) and _explains(now, c)), None)
+        best = next((c for c in ranked if matters(now.setup, c.fit) and _explains(now, c)), None)
         if best is None or number == _MOST or _gain(fitter, now, best.fit) < _EVIDENCE:
             break
         rivals = dict.fromkeys(
@@ -156,14 +137,14 @@ def check(
             for c in ranked
             if c.hypothesis.line != best.hypothesis.line
             and fitter.cost(c.fit) - fitter.cost(best.fit) < _EXCLUDED
-            and _matters(now.setup, c.fit)
+            and matters(now.setup, c.fit)
         )
         _report(wrong, _wrong_line(fitter, scene, now, best, tuple(rivals)))
         setup = best.fit.setup
     own = [*range_findings(scene, recordings, setup, saturated), *bias_findings(scene, now)]
     wrong += [found for found in own if found.verdict == "does_not_fit"]
     reported = {found.line for found in wrong}
-    unexplained = _unexplained(scene, fitter, readings, now)
+    unexplained = unexplained_signals(scene, fitter, readings, now)
     rest = [
         _judged(fitter, scene, now, candidate)
         for candidate in candidates
@@ -245,13 +226,6 @@ def _gain(fitter: Fitter, before: Fit, after: Fit) -> float:
     return fitter.cost(before) - fitter.cost(after)
 
 
-def _matters(before: Setup, fit: Fit) -> bool:
-    """Whether a fit changes the setup by more than the tolerances; a discrete change always matters."""
-    return not fit.free or any(
-        _change(name, before, fit.setup) > _tolerance(name, fit.setup) for name in fit.free
-    )
-
-
 def _silent_joints(fitter: Fitter, now: Fit, candidates: list[_Candidate]) -> str:
     """Why it is not known that all torques are measured; empty: it is."""
     names = [
@@ -279,33 +253,6 @@ def _explains(before: Fit, candidate: _Candidate) -> bool:
         groups = [slice(joint, joint + 1)]
     pairs = [[rms(fit.residual[:, group]) for fit in (before, after)] for group in groups]
     return any(b < (1.0 - _MIN_DROP) * a for a, b in pairs if a is not None and b is not None)
-
-
-def _tolerance(group: Free, setup: Setup) -> float:
-    # The centre of mass of a light tool matters less.
-    light = min(1.0, max(setup.mass, 0.01)) if group.kind == "com" else 1.0
-    return _TOLERANCE[group.kind] / light
-
-
-def _change(group: Free, a: Setup, b: Setup) -> float:
-    if group.kind == "tilt":
-        return float(np.arccos(np.clip(a.gravity @ b.gravity / (a.gravity @ a.gravity), -1.0, 1.0)))
-    if group.kind == "mass":
-        return abs(a.mass - b.mass)
-    if group.kind == "com":
-        return float(np.linalg.norm(a.com - b.com))
-    if group.kind == "gain":
-        known = a.gain != 0.0
-        return float(np.abs(np.log(b.gain[known] / a.gain[known])).max())
-    one, other = a.sensors[group.field], b.sensors[group.field]
-    if group.kind == "turn":
-        return float(np.arccos(np.clip((np.trace(one.rotation.T @ other.rotation) - 1.0) / 2.0, -1.0, 1.0)))
-    if group.kind in SCALED:
-        sizes = np.abs(one.order).sum(axis=0), np.abs(other.order).sum(axis=0)
-        return float(np.abs(np.log(sizes[1] / sizes[0])).max())
-    if group.kind == "shift":
-        return float(np.linalg.norm(one.translation - other.translation))
-    return abs(one.delay - other.delay)
 
 
 def _wrong_line(
@@ -374,7 +321,7 @@ def _judged(fitter: Fitter, scene: Scene, now: Fit, candidate: _Candidate) -> Fi
     """Whether the motion determines a line that is not reported as wrong."""
     line = candidate.hypothesis.line
     fits = [candidate.fit, *candidate.others]
-    distinct = [found for found in fits if _matters(now.setup, found)]
+    distinct = [found for found in fits if matters(now.setup, found)]
     other = min((-_gain(fitter, now, found) for found in distinct), default=None)
     verdict: Verdict = "fits"
     remark, std = "", ()
@@ -383,7 +330,7 @@ def _judged(fitter: Fitter, scene: Scene, now: Fit, candidate: _Candidate) -> Fi
         free = candidate.hypothesis.free if now.setup.mass > 0.0 or line != "tool" else (Free("mass"),)
         here = fitter.fit(now.setup, free, steps=0)
         std = tuple(here.std.tolist())
-        limits = [_tolerance(name, now.setup) for name in here.free for _ in range(name.size)]
+        limits = [tolerance(name, now.setup) for name in here.free for _ in range(name.size)]
         if np.any(here.std > limits):
             verdict, remark = "cannot_tell", "not determined by this motion"
     if verdict == "fits" and other is not None and other < _EXCLUDED:
@@ -393,26 +340,3 @@ def _judged(fitter: Fitter, scene: Scene, now: Fit, candidate: _Candidate) -> Fi
             nearest = min(distinct, key=fitter.cost)
             remark += f": {written(line, nearest.setup, scene)[0]}"
     return Finding(line, verdict, written(line, now.setup, scene)[0], None, remark, std, evidence=other)
-
-
-def _unexplained(scene: Scene, fitter: Fitter, readings: Readings, now: Fit) -> tuple[str, ...]:
-    """Signals whose residual is large by every measure: their noise, their variation, and the arm."""
-    n, fields = len(scene.robot.joints), wrench_fields(scene)
-    rms = np.sqrt(np.mean(now.residual**2, axis=0))
-    scale = [np.array([joint.torque_limit for joint in scene.robot.joints])]
-    variation = np.full(len(rms), np.inf)
-    if readings.torque is not None:
-        variation[:n] = readings.torque.std(axis=0)
-    names = [f"torque of {joint.name}" for joint in scene.robot.joints]
-    for i, field in enumerate(fields):
-        weight = 9.81 * float(now.setup.carried(field)[:, 0].sum())
-        lever = _TOOL_LEVER if now.setup.sensors[field].tool_alone else ARM_LEVER
-        scale.append(np.repeat([weight, weight * lever], 3))
-        if field in readings.wrenches:
-            variation[n + 6 * i :][:6] = readings.wrenches[field].std(axis=0)
-        label = field.removesuffix("_wrench").removeprefix("link_wrenches.")
-        names += [f"{label} sensor's {what} {axis}" for what in ("force", "moment") for axis in "xyz"]
-    large = (rms > _NOISE_FACTOR * fitter.noise) & (rms > _SHARE * variation)
-    large &= rms > UNEXPLAINED_SHARE * np.concatenate(scale)
-    units = ["Nm"] * n + (["N"] * 3 + ["Nm"] * 3) * len(fields)
-    return tuple(f"{names[c]}: residual {rms[c]:.3g} {units[c]}" for c in np.flatnonzero(large))

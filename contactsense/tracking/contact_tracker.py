@@ -16,24 +16,19 @@ residual.
 """
 
 import math
-from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from contactsense.isolation.link_hypotheses import SensorModel
 from contactsense.kinematics.model import Motion
 from contactsense.kinematics.spatial import dot6
-from contactsense.residuals.observers import Observers, concatenate_residuals, first_torque
-from contactsense.residuals.residual_ewma import ResidualEwma, average_noise
+from contactsense.residuals.observers import first_torque
 from contactsense.robots.jit.array_views import copy
-from contactsense.robots.jit.declaration import Floats, Records, record
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.vectors import vector
+from contactsense.tracking.contact_track import HOLD, NEW, NONE, SLIDE, WINDOWS, ContactTrack
+from contactsense.tracking.window_averages import WINDOW_GROWTH
 
-WINDOWS = 6
-"""Number of windows, including the observer's own."""
-WINDOW_GROWTH = 3.0
-"""Ratio of the lengths of consecutive windows; the last is unbounded."""
 AGREE, AGREE_HOLDING, DISAGREE = 1.5, 4.0, 9.0
 """Distance below which windows agree, the same for a holding contact, and distance above which they disagree,
 as (x - d) / sqrt(2 d) of a chi-square variable x with d degrees of freedom. For the two of a position: x = 5,
@@ -50,162 +45,6 @@ NEW_TIME_CONSTANTS = 9.0
 """A contact is new for this many time constants of the observer; then it holds or slides."""
 HOLD_TIME_CONSTANTS = 20.0
 """A sliding contact holds again when it has not moved for this many time constants."""
-NONE, NEW, HOLD, SLIDE = 0, 1, 2, 3
-"""Phases of a contact."""
-
-
-@record
-class ContactStatus:
-    """Phase of the current contact."""
-
-    phase: int
-    number: int
-    """Id of the contact, or of the last one."""
-    count: int
-    """Ids given so far."""
-    age: float
-    """[s]"""
-    time_since_slide: float
-    """Time since it last moved [s]."""
-    window: int
-    """Index of the window in use."""
-    sensors: int
-    """Code of the sensors whose residuals are in the windows."""
-    above_onset: bool
-    """Whether the last sample was above the onset threshold."""
-    sustained: bool
-    """Whether only the residuals' EWMA shows the contact."""
-    peak_energy: float
-    """Highest energy of the no-contact hypothesis from a single sample of the contact, or of the last one."""
-    last_body: int
-    """Index of the body of the last estimate; -1: there was none."""
-    time_since_end: float
-    """Time since the last contact ended [s]; infinite if it cannot resume."""
-
-
-@record
-class Window:
-    """Content of one window, and where the line of action of its mean meets the tangent plane at the point of
-    the last estimate."""
-
-    samples: float
-    """Number of samples in it."""
-    variance_ratio: float
-    """Variance of its mean over that of one sample's white noise."""
-    residual_covariance: float
-    """Covariance of its mean with the newest residual, in the same unit."""
-    age: float
-    """Mean age of its content, the observer's lag included [s]."""
-    x: float
-    """Position along the first tangent from the last point [m]."""
-    y: float
-    """Along the second one [m]."""
-    normal_force: float
-    """Force along the outward normal, negative where it pushes [N]."""
-    noise_to_force: float
-    """`variance_ratio` over the square of the normal force [1/N^2]."""
-
-
-class ContactTrack(NamedTuple):
-    """State of the current contact."""
-
-    mean: Annotated[Floats, f"{WINDOWS}, 6 * (joints + 1) + 2 * joints + 12 * link_sensors"]
-    """Window means of the residuals, see `contactsense.residuals.observers.concatenate_residuals`."""
-    windows: Annotated[Records[Window], f"{WINDOWS}"]
-    last_point: Annotated[Floats, "3"]
-    """Point of the last estimate, in the frame of its body [m]."""
-    last_normal: Annotated[Floats, "3"]
-    """Its outward normal, in the same frame."""
-    moment_covariance: Annotated[Floats, "3"]
-    """Scratch: covariance of the moment about the last point, tangential components, as xx, xy, yy."""
-    link_weight: Annotated[Floats, "links"]
-    """Sum of each link's probability over the samples of the contact, or of the last one, weighted by their
-    energies."""
-    status: Annotated[Records[ContactStatus], "1"]
-
-
-@kernel
-def end_contact(track: ContactTrack) -> None:
-    """End the contact, which cannot resume; ids continue."""
-    status = track.status[0]
-    status.phase, status.window, status.above_onset, status.last_body = NONE, 0, False, -1
-    status.sustained = False
-    status.age, status.time_since_slide, status.time_since_end = 0.0, 0.0, math.inf
-
-
-@kernel
-def restart_windows(track: ContactTrack) -> None:
-    """Restart all windows from the newest residual and forget the links, after a change of contact."""
-    track.link_weight[:] = 0.0
-    for i in range(1, WINDOWS):
-        _restart_window(track, i)
-
-
-@kernel
-def _restart_window(track: ContactTrack, i: int) -> None:
-    """Let window i hold the newest residual, window 0, alone."""
-    copy(track.mean[0], track.mean[i])
-    window, newest = track.windows[i], track.windows[0]
-    window.variance_ratio, window.residual_covariance = newest.variance_ratio, newest.residual_covariance
-    window.samples, window.age = 1.0, newest.age
-
-
-@kernel
-def average_windows(
-    track: ContactTrack,
-    ewma: ResidualEwma,
-    observers: Observers,
-    variance_ratio: float,
-    sensors: int,
-    dt: float,
-    bandwidth: float,
-) -> None:
-    """Add the observers' residuals to all windows. The first sample of a contact initializes them, and so
-    does a sample with other sensors than before. A sustained contact begins with the average that showed it.
-
-    Args:
-        track: Changed in place.
-        ewma: Of the stream, with this sample where the contact is sustained.
-        observers: Of the stream.
-        variance_ratio: Variance of their residuals over that of one sample's white noise.
-        sensors: Code of the usable sensors, see `contactsense.sensors.usable_sensors.usable_residuals_code`.
-        dt: Time since the last sample [s].
-        bandwidth: Cut-off frequency of the observers [Hz].
-    """
-    residual, newest = track.mean[0], track.windows[0]
-    concatenate_residuals(residual, observers)
-    newest.variance_ratio = newest.residual_covariance = variance_ratio
-    K = 2.0 * math.pi * bandwidth
-    newest.age = 1.0 / K
-    status = track.status[0]
-    restart = status.phase == NONE or status.sensors != sensors
-    status.sensors = sensors
-    decay = math.exp(-K * dt)
-    length = WINDOW_GROWTH / K
-    for i in range(1, WINDOWS):
-        window = track.windows[i]
-        if restart and status.sustained:
-            average = ewma.status[0]
-            copy(ewma.mean, track.mean[i])
-            window.variance_ratio = average.variance_ratio
-            window.residual_covariance = average.residual_covariance
-            window.samples, window.age = average.samples, average.age
-            continue
-        if restart:
-            _restart_window(track, i)
-            continue
-        window.samples += 1.0
-        weight = 1.0 / window.samples
-        if i < WINDOWS - 1:
-            weight = max(weight, min(dt / length, 1.0))
-            length *= WINDOW_GROWTH
-        mean = track.mean[i]
-        for k in range(residual.shape[0]):
-            mean[k] += weight * (residual[k] - mean[k])
-        window.variance_ratio, window.residual_covariance = average_noise(
-            window.variance_ratio, window.residual_covariance, variance_ratio, weight, decay
-        )
-        window.age = (1.0 - weight) * (window.age + dt) + weight * newest.age
 
 
 @kernel

@@ -16,7 +16,7 @@ import numpy as np
 
 from contactsense.robots.jit.kernel import kernel
 from contactsense.sensors.stream_state import SETTLING_PERIODS
-from contactsense.tracking.contact_tracker import NONE, ContactTrack, end_contact
+from contactsense.tracking.contact_track import NONE, ContactTrack, end_contact
 
 
 @kernel

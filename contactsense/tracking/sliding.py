@@ -9,7 +9,8 @@ import numpy as np
 
 from contactsense.kinematics.model import Motion
 from contactsense.robots.jit.kernel import kernel
-from contactsense.tracking.contact_tracker import SLIDE, WINDOWS, ContactTrack, tangents
+from contactsense.tracking.contact_track import SLIDE, WINDOWS, ContactTrack
+from contactsense.tracking.contact_tracker import tangents
 
 _MIN_AGE_RATIO = 0.5
 """The age difference of the two windows must be at least this fraction of the newer one's age."""

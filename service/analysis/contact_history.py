@@ -8,7 +8,7 @@ import numpy as np
 from contactsense import BlockEstimates, SampleBlock
 from contactsense.runtime.result_rows import FORCE
 from contactsense.sensors.stream_state import REPEATED, RESTARTED, SETTLING_PERIODS, UNUSABLE
-from contactsense.tracking.contact_tracker import NONE
+from contactsense.tracking.contact_track import NONE
 
 MAX_SAMPLES = 30_000
 """A longer history keeps only every other sample, so that memory is bounded."""

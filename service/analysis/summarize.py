@@ -21,7 +21,7 @@ from contactsense.scene import Scene
 from contactsense.service.analysis.contact_history import ContactHistory
 from contactsense.service.analysis.contact_summary import ContactSummary, ForceCurve
 from contactsense.service.analysis.smoothed_contact import SmoothedContact
-from contactsense.tracking.contact_tracker import NONE, SLIDE
+from contactsense.tracking.contact_track import NONE, SLIDE
 
 TRANSIENT_TIME = 0.5
 """Contacts longer than this are quasi-static, shorter ones transient [s]."""

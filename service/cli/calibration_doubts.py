@@ -40,7 +40,7 @@ def doubts(found: Calibration, scene: Scene, recordings: list[FreeMotion]) -> tu
             continue
         for item in result.wrong:
             text = f"{item.line}: got {item.stated}, {item.proposed} would fit"
-            if not item.line.endswith(corrected or "\0") and text not in reasons:
+            if not item.line.endswith(corrected) and text not in reasons:
                 reasons.append(f"{text} ({item.remark})" if item.remark else text)
     return tuple(dict.fromkeys(reasons))
 

@@ -9,7 +9,7 @@ import numpy as np
 from contactsense.calibration import Calibration, Value
 from contactsense.calibration.result import CHANGED
 from contactsense.scene import Scene
-from contactsense.setup_check.check import ARM_LEVER, UNEXPLAINED_SHARE
+from contactsense.setup_check.unexplained import ARM_LEVER, UNEXPLAINED_SHARE
 
 _TITLES = {
     "bias": "torque bias",

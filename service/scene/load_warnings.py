@@ -4,14 +4,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from contactsense.kinematics.inverse_dynamics import inverse_dynamics
-from contactsense.kinematics.model import empty_motion
-from contactsense.runtime.arm_model import model_with_tool
-from contactsense.runtime.largest_reading import RAMP_TIME
+from contactsense.runtime.largest_reading import RAMP_TIME, largest_torque_at_rest
 from contactsense.scene import Scene
 from contactsense.sensors.settings import WrenchSensor, per_joint
 
-_POSTURES = 300
 _OTHER_MASS = 2.0
 """A link whose mass differs from the robot's data by more than this factor is another link."""
 
@@ -43,13 +39,7 @@ def _torques(scene: Scene) -> Iterator[str]:
     if scene.tool is None and scene.inertia is None:
         return
     joints = scene.robot.joints
-    n, model = len(joints), model_with_tool(scene)
-    low, high = np.clip([joint.position_limits for joint in joints], -np.pi, np.pi).T
-    still, torque, motion, wrench = np.zeros(n), np.zeros(n), empty_motion(n), np.zeros(6)
-    largest = np.zeros(n)
-    for q in np.random.default_rng(0).uniform(low, high, (_POSTURES, n)):
-        inverse_dynamics(model, q, still, still, scene.gravity_base, motion, torque, wrench)
-        largest = np.maximum(largest, np.abs(torque))
+    largest = largest_torque_at_rest(scene)
     limits = np.array([joint.torque_limit for joint in joints])
     worst = int(np.argmax(largest / limits))
     if largest[worst] > limits[worst]:

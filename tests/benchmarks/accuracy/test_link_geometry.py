@@ -1,7 +1,11 @@
-"""Why a link is beyond the limit, on distances that are given."""
+"""Why a link is beyond the limit, on distances that are given; and a folder without meshes."""
+
+from pathlib import Path
 
 import numpy as np
+from click.testing import CliRunner
 
+from contactsense.benchmarks.accuracy.geometry import geometry
 from contactsense.benchmarks.accuracy.link_geometry import LIMIT, reason
 
 POINTS = np.tile([0.0, 0.0, 0.1], (100, 1))
@@ -27,3 +31,10 @@ def test_missing_skin_is_told_as_such() -> None:
     skin[:10] = 0.003
     found = reason(skin, np.zeros(50), POINTS)
     assert found == "10 % of the skin is above the primitives, up to 3.0 mm, about (0, 0, 100) mm"
+
+
+def test_a_folder_without_arms_of_the_library_is_told(tmp_path: Path) -> None:
+    (tmp_path / "my_arm").mkdir()
+    found = CliRunner().invoke(geometry, [str(tmp_path)])
+    assert found.exit_code == 1
+    assert "expected a folder named after an arm of the library, got none" in found.output

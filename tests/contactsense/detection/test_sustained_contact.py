@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from contactsense import Localizer, SampleBlock, Scene
-from contactsense.tracking.contact_tracker import NONE
+from contactsense.tracking.contact_track import NONE
 from tests.at_rest import weight
 from tests.plain_arm import plain_ur5e
 

@@ -12,12 +12,14 @@ from contactsense.benchmarks.calibration.setup_draws import Settings, right_setu
 from contactsense.calibration import FreeMotion
 from contactsense.robots.tool import Tool
 from contactsense.setup_check import CheckError, Finding, Residuals, SetupCheck, check, lines
-from contactsense.setup_check.check import _report, _tolerance, _unexplained
+from contactsense.setup_check.changes import tolerance
+from contactsense.setup_check.check import _report
 from contactsense.setup_check.fit import Fitter
 from contactsense.setup_check.motion_basis import MotionBases, Readings
 from contactsense.setup_check.proposals import roll_and_pitch
 from contactsense.setup_check.setup import BASE, Free, Setup
 from contactsense.setup_check.signal_findings import velocity_finding
+from contactsense.setup_check.unexplained import unexplained_signals
 from tests.shared import shared
 
 DRAWN = Settings(seconds=12.0)
@@ -105,7 +107,7 @@ def test_torques_that_are_too_large_are_no_signal_that_a_scene_could_state() -> 
 def test_the_centre_of_mass_of_a_light_tool_matters_less(mass: float, factor: float) -> None:
     """What counts is the moment of its weight."""
     limits = [
-        _tolerance(Free("com"), Setup.of(Scene(robot="ur5e", tool=Tool(mass=kilograms))))
+        tolerance(Free("com"), Setup.of(Scene(robot="ur5e", tool=Tool(mass=kilograms))))
         for kilograms in (mass, 1.0)
     ]
     assert limits[0] == pytest.approx(factor * limits[1])
@@ -182,7 +184,7 @@ def test_correlated_residuals_count_as_fewer_rows(correlation: float, independen
 
 
 @pytest.mark.parametrize(("share", "told"), [(0.027, False), (0.033, True)])
-def test_a_residual_that_is_small_for_the_joint_is_not_unexplained(share: float, told: bool) -> None:
+def test_a_residual_that_is_small_for_the_joint_is_notunexplained_signals(share: float, told: bool) -> None:
     """However far it is above the noise: 3 % of the joint's limit is what counts."""
     case = right_setup("ur5e", 2, DRAWN)
     assert case.scene.joint_torque is not None
@@ -193,7 +195,7 @@ def test_a_residual_that_is_small_for_the_joint_is_not_unexplained(share: float,
     fit = fitter.fit(Setup.of(scene))
     residual = np.zeros_like(fit.residual)
     residual[:, 5] = share * scene.robot.joints[5].torque_limit
-    found = _unexplained(scene, fitter, readings, replace(fit, residual=residual))
+    found = unexplained_signals(scene, fitter, readings, replace(fit, residual=residual))
     assert bool(found) == told
 
 
