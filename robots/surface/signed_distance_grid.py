@@ -7,11 +7,13 @@ needed to use them.
 
 from pathlib import Path
 from typing import NamedTuple, TypeAlias
+from zipfile import BadZipFile
 
 import numpy as np
 
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.vectors import Vector, add_scaled, divide, dot, norm
+from contactsense.robots.whole_file import whole_file
 from contactsense.robots.yaml_schema import RobotError
 
 BAND = 0.02
@@ -143,12 +145,12 @@ def write(grids: Grids, path: Path) -> None:
         OSError: the folder cannot be written.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    head = path.with_suffix(".head.npz")
-    np.savez(head, format=_FORMAT, start=grids.start, shape=grids.shape, low=grids.low, cell=grids.cell)
-    # The nodes last, and by an atomic rename: readers never find a partial file.
-    part = path.with_suffix(".part.npy")
-    np.save(part, grids.values.astype(np.float32))
-    part.replace(path)
+    # The nodes last: where they are, the rest is there too. Two processes that need a new skin at the same
+    # time write the same files.
+    with whole_file(path.with_suffix(".head.npz")) as unfinished, unfinished.open("wb") as file:
+        np.savez(file, format=_FORMAT, start=grids.start, shape=grids.shape, low=grids.low, cell=grids.cell)
+    with whole_file(path) as unfinished, unfinished.open("wb") as file:
+        np.save(file, grids.values.astype(np.float32))
 
 
 def read(path: Path) -> Grids:
@@ -158,13 +160,16 @@ def read(path: Path) -> Grids:
         RobotError: the files are missing, damaged, or of another version.
     """
     try:
-        with np.load(path.with_suffix(".head.npz")) as head:
-            if int(head["format"]) != _FORMAT:
-                raise RobotError(f"{path}: written by another version; delete it to rebuild it")
-            start, shape, low, cell = head["start"], head["shape"], head["low"], float(head["cell"])
+        with path.with_suffix(".head.npz").open("rb") as file, np.load(file) as head:
+            version, start, shape, low = (head[name] for name in ("format", "start", "shape", "low"))
+            cell = float(head["cell"])
         values = np.load(path, mmap_mode="r")
-    except (OSError, ValueError, KeyError) as error:
-        raise RobotError(f"{path}: no readable grid: {error}") from error
+    except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
+        raise RobotError(f"{path}: no readable grid: {error}; delete it to rebuild it") from error
+    if version != _FORMAT:
+        raise RobotError(f"{path}: written by another version; delete it to rebuild it")
     if values.shape != (start[-1],):
-        raise RobotError(f"{path}: damaged: {len(values)} nodes, expected {start[-1]}; delete it")
+        raise RobotError(
+            f"{path}: damaged: {len(values)} nodes, expected {start[-1]}; delete it to rebuild it"
+        )
     return Grids(values, start, shape, low, cell)

@@ -7,8 +7,9 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.csv as pa_csv
 
+from contactsense.robots.whole_file import whole_file
 from contactsense.service.analysis.contact_summary import ContactSummary
-from contactsense.service.recordings.whole_file import whole_file, write_parquet
+from contactsense.service.recordings.parquet_files import write_parquet
 
 _AXES = ("x", "y", "z")
 _PAIRS = (("xx", 0, 0), ("xy", 0, 1), ("xz", 0, 2), ("yy", 1, 1), ("yz", 1, 2), ("zz", 2, 2))

@@ -18,9 +18,9 @@ from pydantic import BaseModel, ConfigDict, PositiveFloat
 
 from contactsense.scene import Scene
 from contactsense.service.recordings.metadata import metadata
+from contactsense.service.recordings.parquet_files import write_parquet
 from contactsense.service.recordings.sample_rows import Ring, SampleRows
 from contactsense.service.recordings.segment_writer import Rotation, SegmentWriter
-from contactsense.service.recordings.whole_file import write_parquet
 from contactsense.types import Estimate, Sample
 
 _HOST_TIME = 1

@@ -9,11 +9,13 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pa_csv
 
+from contactsense.robots.whole_file import whole_file
 from contactsense.runtime.link_sensor_frame import LinkSensorFrame
 from contactsense.runtime.wrench_map import WrenchMap
 from contactsense.scene import Scene
 from contactsense.sensors.link_values import as_fields, column_of
 from contactsense.service.recordings.metadata import metadata
+from contactsense.service.recordings.parquet_files import write_parquet
 from contactsense.service.recordings.problems import RecordingError
 from contactsense.service.recordings.recording import Recording
 from contactsense.service.recordings.ros_messages import (
@@ -23,7 +25,6 @@ from contactsense.service.recordings.ros_messages import (
     wrench_stamped,
 )
 from contactsense.service.recordings.table_files import reason
-from contactsense.service.recordings.whole_file import whole_file, write_parquet
 from contactsense.types import Contact
 
 

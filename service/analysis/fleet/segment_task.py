@@ -10,6 +10,7 @@ import numpy as np
 import pyarrow as pa
 
 from contactsense import Localizer
+from contactsense.robots.whole_file import whole_file
 from contactsense.scene import Scene
 from contactsense.sensors.timing import LONGEST_FIRST_STEP
 from contactsense.service.analysis.analysis import AnalysisRun
@@ -20,8 +21,8 @@ from contactsense.service.analysis.present_sensors import absent_sensors, withou
 from contactsense.service.analysis.residual_statistics import ResidualStatistics
 from contactsense.service.recordings import Recording, RecordingError, read
 from contactsense.service.recordings.cleaning import GAP_STEPS
+from contactsense.service.recordings.parquet_files import write_parquet
 from contactsense.service.recordings.problem_lines import problem_lines
-from contactsense.service.recordings.whole_file import whole_file, write_parquet
 
 HANDOVER = 1.0
 """A contact that begins within this time after a segment's end is kept by both segments: which of them saw it

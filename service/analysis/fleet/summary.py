@@ -17,7 +17,7 @@ from contactsense.service.analysis.contact_table import SCHEMA
 from contactsense.service.analysis.fleet.drift import Daily, daily_mean, daily_median
 from contactsense.service.analysis.fleet.segment_task import FRICTION, SegmentTask, part_path
 from contactsense.service.analysis.health import TOO_LARGE
-from contactsense.service.recordings.whole_file import write_parquet
+from contactsense.service.recordings.parquet_files import write_parquet
 
 
 @dataclass

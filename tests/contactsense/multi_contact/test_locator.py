@@ -51,6 +51,9 @@ def _trial_and_contact(localizer: Localizer) -> tuple[Trial, Contact]:
         ({"contacts": 0}, "contacts: expected 1 to 3, got 0"),
         ({"contacts": 4}, "contacts: expected 1 to 3, got 4"),
         ({"contacts": 2.0}, "contacts: expected 1 to 3, got 2.0"),
+        ({"contacts": np.int64(4)}, "contacts: expected 1 to 3, got"),
+        ({"contacts": 2, "known": None}, "known: expected a sequence of Contact, got None"),
+        ({"contacts": 2, "drift": "1"}, "drift: expected a positive number of N, got '1'"),
         ({"contacts": 2, "drift": -1.0}, "drift: expected a positive number of N, got -1.0"),
         ({"contacts": 2, "known": [1]}, r"known\[0\]: expected a Contact, got 1"),
         ({"contacts": 2, "drift": float("nan")}, "drift: expected a positive number of N, got nan"),
@@ -70,6 +73,12 @@ def test_wrong_options_are_refused(ordinary: Localizer, options: dict[str, objec
         ({"point_base": np.full(3, np.nan)}, r"known\[0\].point_base: expected finite numbers"),
         ({"torsion": float("nan")}, r"known\[0\].torsion: expected a finite number, got nan"),
         ({"covariance": np.zeros(3)}, r"known\[0\].covariance: expected finite numbers of shape \(3, 3\)"),
+        (
+            {"covariance": -1e-4 * np.eye(3)},
+            r"known\[0\].covariance: expected a symmetric matrix",
+        ),
+        ({"covariance": np.diag([1e-4, -1e-4, 1e-4])}, r"known\[0\].covariance: expected a symmetric matrix"),
+        ({"covariance": 1e-4 * np.tri(3)}, r"known\[0\].covariance: expected a symmetric matrix"),
     ],
 )
 def test_wrong_known_contacts_are_refused(
@@ -78,6 +87,14 @@ def test_wrong_known_contacts_are_refused(
     trial, known = _trial_and_contact(ordinary)
     with pytest.raises(ValueError, match=message):
         _locate(ordinary, trial, trial.pushes, contacts=2, known=[replace(known, **change)])  # type: ignore[arg-type]
+
+
+def test_numbers_of_numpy_and_a_rounded_covariance_are_accepted(ordinary: Localizer) -> None:
+    trial, known = _trial_and_contact(ordinary)
+    digits = np.array([[float(f"{x:.7g}") for x in row] for row in known.covariance])
+    options = {"contacts": np.int64(2), "known": [replace(known, covariance=digits)], "drift": np.float64(1)}
+    found = _locate(ordinary, trial, trial.pushes, **options)
+    assert found.contacts[0].link == known.link
 
 
 def test_more_known_contacts_than_asked_for_are_refused(ordinary: Localizer) -> None:

@@ -1,5 +1,7 @@
 """The signed-distance grid of a skin: its values, its gradient, the way onto the skin, and its files."""
 
+from multiprocessing import get_context
+from multiprocessing.synchronize import Barrier
 from pathlib import Path
 
 import numpy as np
@@ -139,3 +141,39 @@ def test_damaged_files_are_refused(tmp_path: Path, grids: grid.Grids) -> None:
     path.write_bytes(b"nothing")
     with pytest.raises(robots.RobotError, match=r"ball.npy: no readable grid"):
         grid.read(path)
+    grid.write(grids, path)
+    head = path.with_suffix(".head.npz")
+    for damaged in (b"", head.read_bytes()[:200]):
+        head.write_bytes(damaged)
+        with pytest.raises(robots.RobotError, match=r"ball.npy: no readable grid.*delete it to rebuild it"):
+            grid.read(path)
+
+
+def test_grids_of_another_version_are_refused(tmp_path: Path, grids: grid.Grids) -> None:
+    path = tmp_path / "ball.npy"
+    grid.write(grids, path)
+    with np.load(path.with_suffix(".head.npz")) as head:
+        fields = {**head, "format": 0}
+    np.savez(path.with_suffix(".head.npz"), **fields)
+    with pytest.raises(robots.RobotError, match=r"ball.npy: written by another version; delete it"):
+        grid.read(path)
+
+
+def _write(grids: grid.Grids, path: Path, together: Barrier, times: int) -> None:
+    for _ in range(times):
+        together.wait(60.0)
+        grid.write(grids, path)
+        np.testing.assert_array_equal(grid.read(path).values, grids.values)
+
+
+def test_two_processes_may_build_the_same_skin(tmp_path: Path, grids: grid.Grids) -> None:
+    """Each process of a service that starts for the first time builds the skin, and all write it at once."""
+    spawn = get_context("spawn")
+    together = spawn.Barrier(2)
+    both = [spawn.Process(target=_write, args=(grids, tmp_path / "ball.npy", together, 20)) for _ in range(2)]
+    for each in both:
+        each.start()
+    for each in both:
+        each.join(120.0)
+    assert [each.exitcode for each in both] == [0, 0]
+    assert sorted(each.name for each in tmp_path.iterdir()) == ["ball.head.npz", "ball.npy"]

@@ -5,9 +5,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import pyarrow as pa
-import pyarrow.parquet as pa_parquet
-
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
@@ -19,9 +16,3 @@ def whole_file(path: Path) -> Iterator[Path]:
         os.replace(unfinished, path)
     finally:
         unfinished.unlink(missing_ok=True)
-
-
-def write_parquet(table: pa.Table, path: Path) -> None:
-    """Write a table as Parquet."""
-    with whole_file(path) as unfinished:
-        pa_parquet.write_table(table, unfinished, compression="zstd")

@@ -1,4 +1,4 @@
-"""A file that cannot be written whole is not there."""
+"""A recording that cannot be written whole is not there."""
 
 import errno
 from pathlib import Path
@@ -10,23 +10,6 @@ import pytest
 
 from contactsense.service.recordings import RecordingError
 from contactsense.service.recordings.export import write_columns
-from contactsense.service.recordings.whole_file import whole_file
-
-
-def _fill(path: Path) -> None:
-    with whole_file(path) as unfinished:
-        unfinished.write_text("half")
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-
-def test_an_error_leaves_the_file_before(tmp_path: Path) -> None:
-    path = tmp_path / "table.csv"
-    with whole_file(path) as unfinished:
-        unfinished.write_text("before")
-    with pytest.raises(OSError, match="No space"):
-        _fill(path)
-    assert path.read_text() == "before"
-    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_a_full_disk_leaves_no_part_of_a_recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
