@@ -57,9 +57,8 @@ def contact_windows(history: ContactHistory, bandwidth: float) -> ContactWindows
     length = min(length, LARGEST_TURN / max(fastest, 1e-9))
     length = max(length, SHORTEST, duration / LIMIT)
     count = max(int(duration / length), 1)
+    # A time step is not split.
     edges = np.unique(np.searchsorted(t, np.linspace(t[0], t[-1], count + 1)))
-    # A time step is not split, and a window needs a start and an end.
-    edges = edges[np.concatenate(([True], np.diff(edges) >= 1))]
     begin, end = edges[:-1], edges[1:]
     whole = t[end] - t[begin]
     K = 2.0 * np.pi * bandwidth

@@ -61,9 +61,10 @@ def log_accessible_share(
     """
     d, _, normal = distances(surfaces, point[None], link)
     n = normal[0]
+    on_surface = point - d[0] * n
     basis = np.linalg.svd(n[None])[2][1:]
     values, vectors = np.linalg.eigh(basis @ covariance @ basis.T)
-    around = point - d[0] * n + (QUADRATURE_POINTS * np.sqrt(np.maximum(values, 0.0))) @ (basis.T @ vectors).T
+    around = on_surface + (QUADRATURE_POINTS * np.sqrt(np.maximum(values, 0.0))) @ (basis.T @ vectors).T
     d, which, normal = distances(surfaces, around, link)
     around -= d[:, None] * normal
     body = min(link, len(origin) - 1)
@@ -72,7 +73,7 @@ def log_accessible_share(
     _shares(
         surfaces, deviations, body_frames(surfaces, rotation, origin), prior, which, places, normals, share
     )
-    height = (rotation[body][2] @ (point - d[0] * n)) + origin[body][2]
+    height = rotation[body][2] @ on_surface + origin[body][2]
     if is_mounting_face(link, height, float(rotation[body][2] @ n), 2.0 * prior.surface_deviation):
         return -math.inf
     return math.log(float(QUADRATURE_WEIGHTS @ share) / float(QUADRATURE_WEIGHTS.sum()))

@@ -49,10 +49,10 @@ class Summarizer:
         peak = int(np.argmax(force))
         share = force**2 @ history.link_probability / np.sum(force**2)
         link = int(np.argmax(share))
-        on_link = np.flatnonzero(rows[:, LINK] == link)
-        if len(on_link) == 0:
-            on_link = np.arange(len(rows))
+        if not np.any(rows[:, LINK] == link):
+            # Probable throughout, but never the most probable: no place on it is known.
             link = int(rows[peak, LINK])
+        on_link = np.flatnonzero(rows[:, LINK] == link)
         spread = rows[on_link][:, COVARIANCE].reshape(-1, 3, 3).trace(axis1=1, axis2=2)
         best = rows[on_link[np.argmin(spread)]]
         at_peak = int(history.sample[peak])
