@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from contactsense.multi_contact.arguments import check_arguments
 from contactsense.multi_contact.buffers import (
     MAX_CONTACTS,
     MAX_EXPLANATIONS,
@@ -118,7 +119,7 @@ class MultiContactLocator:
             )
             for contact in known
         ]
-        listed, rank = self.fit(present, contacts, known_contacts, math.inf if drift is None else drift)
+        listed, rank = self.fit(present, int(contacts), known_contacts, math.inf if drift is None else drift)
         order = self.explanations.order[:listed]
         best, counts = self.explanations.order[0], self.explanations.contacts[order]
         return self._builder.sets(
@@ -132,37 +133,5 @@ class MultiContactLocator:
         )
 
     def check(self, contacts: int, known: Sequence[Contact], drift: float | None) -> None:
-        """Check the arguments of `Localizer.locate`.
-
-        Raises:
-            ValueError: the message names the argument, the expected value and the actual one.
-        """
-        if not isinstance(contacts, int) or not 1 <= contacts <= MAX_CONTACTS:
-            raise ValueError(f"contacts: expected 1 to {MAX_CONTACTS}, got {contacts!r}")
-        if len(known) > contacts:
-            raise ValueError(f"known: expected at most {contacts} (contacts), got {len(known)}")
-        if drift is not None and not (math.isfinite(drift) and drift > 0.0):
-            raise ValueError(f"drift: expected a positive number of N, got {drift!r}")
-        start = self._constants.surfaces.start
-        for i, contact in enumerate(known):
-            if not isinstance(contact, Contact):
-                raise ValueError(f"known[{i}]: expected a Contact, got {contact!r}")
-            if not 0 <= contact.link_index < len(start) - 1:
-                raise ValueError(
-                    f"known[{i}].link_index: expected 0 to {len(start) - 2}, got {contact.link_index}"
-                )
-            count = int(start[contact.link_index + 1] - start[contact.link_index])
-            if not 0 <= contact.primitive < count:
-                expected = f"0 to {count - 1} on {contact.link}"
-                raise ValueError(f"known[{i}].primitive: expected {expected}, got {contact.primitive}")
-            for name, shape in (
-                ("point_base", (3,)),
-                ("force_base", (3,)),
-                ("torsion", ()),
-                ("covariance", (3, 3)),
-            ):
-                value = getattr(contact, name)
-                # The sum is finite if and only if all are, unless they are too large for any contact.
-                if np.shape(value) != shape or not math.isfinite(float(np.sum(value))):
-                    expected = f"finite numbers of shape {shape}" if shape else "a finite number"
-                    raise ValueError(f"known[{i}].{name}: expected {expected}, got {value!r}")
+        """Check the arguments of `Localizer.locate`, see `check_arguments`."""
+        check_arguments(contacts, known, drift, self._constants.surfaces.start)
