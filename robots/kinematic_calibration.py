@@ -6,11 +6,12 @@ from pathlib import Path
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
+from contactsense.robots.errors import RobotError
 from contactsense.robots.file_model import FileModel
 from contactsense.robots.link_poses import link_poses
 from contactsense.robots.robot import Robot
 from contactsense.robots.rotations import rotation_from_rpy
-from contactsense.robots.yaml_schema import RobotError, check, read_yaml
+from contactsense.robots.yaml_schema import check, read_yaml
 
 FAR = 0.05
 """If a calibrated joint is further than this from the model's, the calibration belongs to another arm [m]."""

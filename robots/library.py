@@ -5,8 +5,8 @@ from importlib import resources
 from pathlib import Path
 
 from contactsense.robots import yaml_schema as schema
+from contactsense.robots.errors import RobotError, UnknownRobotError
 from contactsense.robots.robot import Robot
-from contactsense.robots.yaml_schema import RobotError
 
 MESH_SUFFIXES = (".ply", ".dae", ".obj", ".stl", ".glb")
 """Endings of the files of meshes."""
@@ -16,10 +16,6 @@ URDF_SUFFIXES = (".urdf", ".xml", ".xacro", ".sdf")
 EQUIVALENT_MODELS = {"ur7e": "ur5e", "ur12e": "ur10e"}
 """Models -> the arm in the library whose links and joints they have. They differ from it in the payload that
 the controller permits (config/ur7e and config/ur12e of Universal_Robots_ROS2_Description, 4.1.1)."""
-
-
-class UnknownRobotError(RobotError):
-    """A name that is not in the library; the message lists the available names."""
 
 
 def names() -> tuple[str, ...]:

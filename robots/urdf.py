@@ -13,11 +13,11 @@ import numpy as np
 import trimesh
 
 from contactsense.robots.arm_chain import longest_way, way_to
+from contactsense.robots.errors import RobotError
 from contactsense.robots.meshes import check_unit, read_mesh
 from contactsense.robots.robot import NO_MASS, Inertia, Joint, Link, Robot
 from contactsense.robots.tool import join_inertia, move_inertia
 from contactsense.robots.urdf_document import MOVING, TURNING, read_document
-from contactsense.robots.yaml_schema import RobotError
 
 _INERTIA_TOLERANCE = 0.01
 """Relative error of rounded inertia tensors."""

@@ -12,8 +12,8 @@ from xml.parsers import expat
 
 import yourdfpy
 
+from contactsense.robots.errors import RobotError
 from contactsense.robots.units import FURTHEST, FURTHEST_BODY, in_metres, within_one_turn
-from contactsense.robots.yaml_schema import RobotError
 
 TURNING = ("revolute", "continuous")
 MOVING = (*TURNING, "prismatic", "planar", "floating")

@@ -22,6 +22,7 @@ from pydantic import (
 )
 
 from contactsense.robots import yaml_fields
+from contactsense.robots.errors import RobotError
 from contactsense.robots.field_errors import joined, reasons
 from contactsense.robots.file_model import FileModel
 from contactsense.robots.primitive_extent import beyond
@@ -37,10 +38,6 @@ Entry = TypeVar("Entry", bound=BaseModel)
 Rotor = Annotated[float, Field(ge=0.0)]
 LARGEST_SHIFT = 500.0
 """Largest distance of a skin from a primitive that stands for it [mm]."""
-
-
-class RobotError(ValueError):
-    """An invalid description of a robot: the message names the file, the element and the error."""
 
 
 class LinkEntry(FileModel):

@@ -57,6 +57,7 @@ def _measure(robot: Robot, folder: Path) -> list[dict[str, Any]]:
 
     from contactsense.robots.decomposition.distance_samples import Shape
     from contactsense.robots.decomposition.grid_builder import cached
+    from contactsense.robots.decomposition.neighbour_poses import neighbour_poses
     from contactsense.robots.decomposition.outer_skin import Surroundings, outer_skin
     from contactsense.robots.decomposition.surface_error import (
         Errors,
@@ -65,7 +66,7 @@ def _measure(robot: Robot, folder: Path) -> list[dict[str, Any]]:
         exposed_surface,
         together,
     )
-    from contactsense.robots.meshes import from_folder, neighbour_poses
+    from contactsense.robots.meshes import from_folder
     from contactsense.robots.surface.signed_distance_grid import project_to_skin, sample
     from contactsense.robots.vectors import vector
 

@@ -16,9 +16,9 @@ from contactsense.robots.decomposition.distance_samples import Shape, make_targe
 from contactsense.robots.decomposition.initial_guess import additions, splits
 from contactsense.robots.decomposition.least_squares_fit import Bodies, Target, cost, fit
 from contactsense.robots.decomposition.local_deviation import local_deviation
+from contactsense.robots.decomposition.neighbour_poses import neighbour_poses
 from contactsense.robots.decomposition.outer_skin import Skin, Surroundings, outer_skin
 from contactsense.robots.decomposition.surface_error import Errors, errors, packed
-from contactsense.robots.meshes import neighbour_poses
 from contactsense.robots.robot import LocalDeviation, Robot
 from contactsense.robots.surface.union import distances
 

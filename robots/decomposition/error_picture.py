@@ -11,9 +11,9 @@ from embreex.mesh_construction import TriangleMesh
 
 from contactsense.robots.decomposition.distance_samples import Shape
 from contactsense.robots.decomposition.least_squares_fit import Bodies
+from contactsense.robots.decomposition.neighbour_poses import neighbour_poses
 from contactsense.robots.decomposition.outer_skin import outer_skin
 from contactsense.robots.decomposition.surface_error import packed
-from contactsense.robots.meshes import neighbour_poses
 from contactsense.robots.rendering import COLOURS, View, caption, save, side_by_side
 from contactsense.robots.robot import Robot
 from contactsense.robots.surface.union import distances

@@ -12,9 +12,9 @@ from scipy.spatial import cKDTree
 
 from contactsense.robots.decomposition.distance_samples import Shape
 from contactsense.robots.decomposition.outer_skin import Skin, outer_skin, sample
+from contactsense.robots.errors import RobotError
 from contactsense.robots.robot import Robot
 from contactsense.robots.surface.signed_distance_grid import BAND, Grids, read, write
-from contactsense.robots.yaml_schema import RobotError
 
 CELL = 0.0035
 """Distance between neighbouring nodes [m]."""

@@ -40,11 +40,11 @@ def nearest_on_ellipsoid(size: Dimensions, x: float, y: float, z: float) -> Proj
     if cc > smallest:
         remainder += (c * z / (offset + (cc - smallest))) ** 2
     if offset > 1e-14 * smallest or remainder >= 1.0:
-        w = offset  # t + least
+        w = offset  # t + smallest
         for _ in range(60):
             ia, ib, ic = w + (aa - smallest), w + (bb - smallest), w + (cc - smallest)
             if ia <= 0.0 or ib <= 0.0 or ic <= 0.0:
-                # On the pole itself (short = 0): step off it to the right.
+                # On the pole itself (short_squared = 0): step off it to the right.
                 w = 1e-15 * smallest
                 continue
             ga, gb, gc = a * x / ia, b * y / ib, c * z / ic

@@ -25,10 +25,10 @@ def measured_again(robot: Robot, meshes: "dict[str, trimesh.Trimesh]", path: Pat
         click.ClickException: there is no such file.
     """
     from contactsense.robots.decomposition.local_deviation import lines, local_deviation
+    from contactsense.robots.decomposition.neighbour_poses import neighbour_poses
     from contactsense.robots.decomposition.outer_skin import outer_skin
     from contactsense.robots.decomposition.surface_error import bodies_of
     from contactsense.robots.decomposition.yaml_export import text
-    from contactsense.robots.meshes import neighbour_poses
 
     try:
         surface = read_surface(path)

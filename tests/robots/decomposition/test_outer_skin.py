@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import trimesh
 
+from contactsense.robots.decomposition.neighbour_poses import neighbour_poses
 from contactsense.robots.decomposition.outer_skin import outer_skin, sample
-from contactsense.robots.meshes import neighbour_poses
 from tests.robots.shapes import two_links, two_meshes
 
 
