@@ -14,13 +14,12 @@ import numpy as np
 
 from contactsense import robots
 from contactsense.calibration.free_motion import FreeMotion
-from contactsense.calibration.recording_residuals import GAP
 from contactsense.scene import Scene
 from contactsense.setup_check.changes import matters, tolerance
 from contactsense.setup_check.fit import Fit, Fitter
 from contactsense.setup_check.hypotheses import Hypotheses
 from contactsense.setup_check.hypothesis import Hypothesis
-from contactsense.setup_check.instants import instants, without_gaps
+from contactsense.setup_check.instants import without_gaps
 from contactsense.setup_check.lines import (
     FROZEN_TORQUES,
     Line,
@@ -50,6 +49,7 @@ from contactsense.setup_check.signal_findings import (
     with_own_velocities,
 )
 from contactsense.setup_check.unexplained import unexplained_signals
+from contactsense.setup_check.usable_recordings import AT_RANGE, FROZEN, check_usable
 
 _EVIDENCE = 30.0
 """A line is reported as wrong if twice the log likelihood rises by more than this beyond the penalty: for
@@ -64,14 +64,6 @@ _REFINED = 2
 """Starts from which continuous parameters are fitted."""
 _MOVES, _MOVING_SHARE = 0.02, 0.3
 """A joint moves if it is faster than this [rad/s] for more than this share of the time."""
-_FROZEN, _AT_RANGE = "its readings stay the same", "the sensor is at its range"
-"""Why a sensor is not used."""
-_MIN_ROWS = 8
-"""Fewer are not enough."""
-
-
-class CheckError(ValueError):
-    """The recordings cannot be used for a check; the message gives the reason and a remedy."""
 
 
 @dataclass(frozen=True)
@@ -101,13 +93,13 @@ def check(
     still = frozen_joints(scene, recordings)
     frozen = frozen_components(recordings)
     signals = frozen_findings(scene, recordings, still, frozen) if recordings else []
-    unusable = {**dict.fromkeys(saturated, _AT_RANGE), **dict.fromkeys(frozen, _FROZEN)}
+    unusable = {**dict.fromkeys(saturated, AT_RANGE), **dict.fromkeys(frozen, FROZEN)}
     recordings = [without(part, tuple(frozen)) for part in recordings]
     if len(still) == len(scene.robot.joints):
-        unusable["joint_torque"] = _FROZEN
+        unusable["joint_torque"] = FROZEN
         recordings = [replace(part, torque=None) for part in recordings]
     parts = without_gaps(recordings)
-    _usable(scene, recordings, parts, unusable)
+    check_usable(scene, recordings, parts, unusable)
     velocities, wrong_joints = velocity_finding(scene, parts)
     parts = [with_own_velocities(part, wrong_joints) for part in parts] if wrong_joints.any() else parts
     signals.append(velocities)
@@ -166,36 +158,6 @@ def check(
         unexplained,
         sum(part.seconds for part in parts),
     )
-
-
-def _usable(
-    scene: Scene, recordings: list[FreeMotion], parts: list[FreeMotion], unusable: Mapping[str, str]
-) -> None:
-    if not recordings:
-        raise CheckError("expected at least one recording of contact-free motion, got none")
-    joints = len(scene.robot.joints)
-    for part in recordings:
-        if part.q.shape[1] != joints:
-            raise CheckError(
-                f"{part.name}: expected {joints} joints, as {scene.robot.name} has, got {part.q.shape[1]}"
-            )
-    if unusable and not any(part.torque is not None or part.reading is not None for part in recordings):
-        field, reason = next(iter(unusable.items()))
-        problem = f"{field}: expected readings that change with the motion, got the same for a second or more"
-        if reason == _AT_RANGE:
-            problem = f"{field}.range: expected readings within it, got readings that stay at it"
-        raise CheckError(f"{recordings[0].name}: {problem}")
-    if all(part.torque is None or scene.joint_torque is None for part in recordings) and all(
-        part.reading is None or scene.base_wrench is None for part in recordings
-    ):
-        raise CheckError(
-            f"{recordings[0].name}: expected joint torques or base wrenches as in the scene, got neither"
-        )
-    if sum(len(at.samples) for at in instants(parts)) < _MIN_ROWS:
-        seconds = sum(part.seconds for part in recordings)
-        raise CheckError(
-            f"{recordings[0].name}: expected at least 3 s without gaps above {GAP} s, got {seconds:.2g} s"
-        )
 
 
 def _moving(parts: list[FreeMotion]) -> np.ndarray:

@@ -5,14 +5,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from contactsense.calibration.free_motion import FreeMotion
+from contactsense.runtime.reading_limits import ROUNDING
 from contactsense.scene import Scene, WrenchSensor
 from contactsense.setup_check.fit import Fit
 from contactsense.setup_check.proposals import written
 from contactsense.setup_check.result import Finding, Residuals, Verdict, WrenchResidual
 from contactsense.setup_check.setup import BASE, Setup
 
-_ROUNDING = 1e-6
-"""A reading at its limit is beyond it in spite of being converted to base axes and back."""
 _BIAS_TOLERANCE = 2.0
 """The bias of a sensor within the arm may be off by this multiple of its noise: more may appear as a
 contact."""
@@ -47,7 +46,7 @@ def saturated_sensors(scene: Scene, recordings: list[FreeMotion]) -> tuple[str, 
     for field, sensor in _sensors(scene).items():
         readings = _readings(recordings, field)
         if readings is not None:
-            at = np.abs(np.abs(readings) / sensor.limits - 1.0) < _ROUNDING
+            at = np.abs(np.abs(readings) / sensor.limits - 1.0) < ROUNDING
             if (at.sum(axis=0) > 1).any():
                 found.append(field)
     return tuple(found)

@@ -1,0 +1,59 @@
+"""Whether recordings can be used for a check of a scene."""
+
+from collections.abc import Mapping
+
+from contactsense.calibration.free_motion import FreeMotion
+from contactsense.calibration.recording_residuals import GAP
+from contactsense.scene import Scene
+from contactsense.setup_check.instants import instants
+
+FROZEN, AT_RANGE = "its readings stay the same", "the sensor is at its range"
+"""Why a sensor is not used."""
+_MIN_ROWS = 8
+"""Fewer instants are not enough."""
+
+
+class CheckError(ValueError):
+    """The recordings cannot be used for a check; the message gives the reason and a remedy."""
+
+
+def check_usable(
+    scene: Scene, recordings: list[FreeMotion], parts: list[FreeMotion], unusable: Mapping[str, str]
+) -> None:
+    """Refuse recordings that say too little about a scene.
+
+    Args:
+        scene: What is to be checked.
+        recordings: The recordings, without the readings of sensors that cannot be used.
+        parts: Their parts without gaps, see `contactsense.setup_check.instants.without_gaps`.
+        unusable: Fields of those sensors, with `FROZEN` or `AT_RANGE`.
+
+    Raises:
+        CheckError: There are none, they are those of another arm, have none of the scene's sensors, or are
+            too short.
+    """
+    if not recordings:
+        raise CheckError("expected at least one recording of contact-free motion, got none")
+    joints = len(scene.robot.joints)
+    for part in recordings:
+        if part.q.shape[1] != joints:
+            raise CheckError(
+                f"{part.name}: expected {joints} joints, as {scene.robot.name} has, got {part.q.shape[1]}"
+            )
+    if unusable and not any(part.torque is not None or part.reading is not None for part in recordings):
+        field, reason = next(iter(unusable.items()))
+        problem = f"{field}: expected readings that change with the motion, got the same for a second or more"
+        if reason == AT_RANGE:
+            problem = f"{field}.range: expected readings within it, got readings that stay at it"
+        raise CheckError(f"{recordings[0].name}: {problem}")
+    if all(part.torque is None or scene.joint_torque is None for part in recordings) and all(
+        part.reading is None or scene.base_wrench is None for part in recordings
+    ):
+        raise CheckError(
+            f"{recordings[0].name}: expected joint torques or base wrenches as in the scene, got neither"
+        )
+    if sum(len(at.samples) for at in instants(parts)) < _MIN_ROWS:
+        seconds = sum(part.seconds for part in recordings)
+        raise CheckError(
+            f"{recordings[0].name}: expected at least 3 s without gaps above {GAP} s, got {seconds:.2g} s"
+        )
