@@ -8,7 +8,6 @@ windows share: two tangential coordinates and the surface's offset h at each kno
 """
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,10 +15,8 @@ from contactsense.kinematics.linalg.cholesky import cholesky
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.surface.union import nearest
+from contactsense.service.analysis.path_arrays import EliminationArrays, PathArrays, WindowSums
 from contactsense.tracking.contact_tracker import tangents
-
-if TYPE_CHECKING:
-    from contactsense.service.analysis.place_search import EliminationArrays, PathArrays, WindowSums
 
 
 @kernel
@@ -49,10 +46,10 @@ def eliminate_forces(
     surfaces: Surfaces,
     link: int,
     prior_rows: np.ndarray,
-    windows: "WindowSums",
-    path: "PathArrays",
+    windows: WindowSums,
+    path: PathArrays,
     b: np.ndarray,
-    out: "EliminationArrays",
+    out: EliminationArrays,
     derivatives: bool,
 ) -> float:
     """Eliminate force and torsion of every window.
@@ -61,7 +58,7 @@ def eliminate_forces(
         surfaces: Primitives of all links.
         link: The link.
         prior_rows: Precision of tangential force, any force and torsion in each window, shape (W, 3).
-        windows: L, a and M of each window, see `contactsense.service.analysis.place_search.WindowSums`.
+        windows: L, a and M of each window, see `WindowSums`.
         path: Knots and their tangents, and which knots a window lies between, see `PathArrays`.
         b: Biases, shape (B,).
         out: Results, see `EliminationArrays`; matrix and gradient are added to.
@@ -169,7 +166,7 @@ def _normal_equations(
 
 @kernel
 def _scatter(
-    L: np.ndarray, M: np.ndarray, out: "EliminationArrays", u: np.ndarray, k0: int, k1: int, knots: int
+    L: np.ndarray, M: np.ndarray, out: EliminationArrays, u: np.ndarray, k0: int, k1: int, knots: int
 ) -> None:
     """Add one window's part of the Schur complement to the matrix, and that of the gradient."""
     G, LG, H, Y, E = out.G, out.LG, out.H, out.Y, out.E

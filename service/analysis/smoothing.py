@@ -16,9 +16,10 @@ from contactsense.service.analysis.contact_history import ContactHistory
 from contactsense.service.analysis.contact_windows import ContactWindows, contact_windows
 from contactsense.service.analysis.curved_regions import curvature_covariance
 from contactsense.service.analysis.link_windows import link_windows
+from contactsense.service.analysis.path_arrays import WindowSums
 from contactsense.service.analysis.place_accessibility import log_accessible_share
 from contactsense.service.analysis.place_forces import with_forces_at_place
-from contactsense.service.analysis.place_search import LinkMeasurement, Place, PlaceSearch, WindowSums
+from contactsense.service.analysis.place_search import LinkMeasurement, Place, PlaceSearch
 from contactsense.service.analysis.skin_constraint import place_on_skin
 from contactsense.service.analysis.smoothed_contact import SmoothedContact, ranked
 from contactsense.service.analysis.torque_smoothing import TorqueSmoother
