@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from contactsense.multi_contact.contact_set_builder import ContactSetBuilder, state_marginal_probabilities
+from contactsense.multi_contact.contact_set_builder import ContactSetBuilder
 from contactsense.multi_contact.kernels import explain_contact_sets
+from contactsense.multi_contact.marginal_probabilities import state_marginal_probabilities
 from contactsense.multi_contact.tracker import MultiContactTracker
 from contactsense.output.degraded_reason import degraded_reason
 from contactsense.residuals.bias_filter import restart as restart_bias_filter

@@ -6,10 +6,11 @@ import numpy as np
 
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.inverse_dynamics import inverse_dynamics
-from contactsense.kinematics.model import Motion, build_model, empty_motion
+from contactsense.kinematics.model import build_model, empty_motion
 from contactsense.robots.attribute_docs import with_attributes
 from contactsense.runtime.arm_model import model_with_tool
-from contactsense.runtime.link_sensors import Mount, mounts
+from contactsense.runtime.link_sensors import mounts
+from contactsense.runtime.load_weight import LoadWeight
 from contactsense.scene import Scene
 from contactsense.sensors.validation import checked_vector
 
@@ -87,16 +88,7 @@ def forward_model(
     for field, mount in mounts(scene).items():
         links[field] = wrench if index >= mount.first_link else np.zeros(6)
         if not external:
-            links[field] = links[field] + _weight(mount, motion, scene.gravity_base)
+            links[field] = links[field] + LoadWeight(scene, field).wrench(q)
     wrist = links.pop("wrist_wrench", None)
     named = {field.removeprefix("link_wrenches."): reading for field, reading in links.items()}
     return Readings(torque + felt, base + wrench, wrist, named)
-
-
-def _weight(mount: Mount, motion: Motion, gravity: np.ndarray) -> np.ndarray:
-    """Weight that a sensor within the arm carries, base axes, base origin, shape (6,) [N, Nm]."""
-    if mount.first_body < len(motion.gravity):
-        return np.asarray(motion.gravity[mount.first_body])
-    force = mount.load.mass * gravity
-    place = motion.origin[mount.body] + motion.rotation[mount.body] @ mount.load.com
-    return np.concatenate((force, np.cross(place, force)))

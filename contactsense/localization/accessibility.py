@@ -6,13 +6,13 @@ concave edge, the next face is within it.
 """
 
 import math
-from typing import Protocol
 
 import numpy as np
 
 from contactsense.localization.candidate_buffers import Candidates
 from contactsense.localization.local_prior import DeviationCells
 from contactsense.localization.mean_surface_distance import mean_surface_distance
+from contactsense.localization.primitive_frames import Frames
 from contactsense.localization.simd_neighbourhood import (
     QUADRATURE_RINGS,
     accessible_moments,
@@ -42,18 +42,6 @@ PENETRATION_SCALE = 4.0
 """Scale of the tolerated penetration: the surface deviation over this number."""
 FULLY_ACCESSIBLE = 0.98
 """Accessible share above which point and covariance of a candidate are not changed."""
-
-
-class Frames(Protocol):
-    """Body frames of all primitives in the base frame: `Candidates`, or another tuple with these fields."""
-
-    @property
-    def rotation(self) -> np.ndarray:
-        """Orientations, shape (P, 3, 3)."""
-
-    @property
-    def origin(self) -> np.ndarray:
-        """Origins, shape (P, 3) [m]."""
 
 
 @inlined_fused_kernel

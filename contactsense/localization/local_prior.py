@@ -12,7 +12,7 @@ import numpy as np
 
 from contactsense.robots.jit.declaration import Floats, Integers
 from contactsense.robots.jit.kernel import fused_kernel
-from contactsense.solvers.posterior.contact_prior import Prior
+from contactsense.solvers.posterior.contact_prior import Prior, with_surface
 
 TILT_LENGTH = 0.0035
 """Ratio of the real surface's offset from a primitive to its tilt [m], where no cell has measured the tilt.
@@ -74,15 +74,9 @@ def prior_in_cell(prior: Prior, cells: DeviationCells, i: int) -> Prior:
     if i < 0:
         return prior
     tilt = cells.tilt[i]
-    return Prior(
-        math.sqrt(prior.friction_ratio * prior.friction_ratio + tilt * tilt),
-        prior.torsion_lever,
-        prior.surface_deviation * cells.ratio[i],
-        prior.force,
-        prior.clearance,
-        prior.area,
-        prior.log_link_density,
-    )
+    ratio = math.sqrt(prior.friction_ratio * prior.friction_ratio + tilt * tilt)
+    changed: Prior = with_surface(prior, ratio, prior.surface_deviation * cells.ratio[i])
+    return changed
 
 
 @fused_kernel

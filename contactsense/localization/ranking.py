@@ -15,19 +15,17 @@ import numpy as np
 
 from contactsense.isolation.link_hypotheses import Hypotheses
 from contactsense.kinematics.model import Motion
-from contactsense.kinematics.wrench_information import matvec
-from contactsense.localization.accessibility import Frames
 from contactsense.localization.candidate_buffers import Candidates
 from contactsense.localization.line_distance import moment_variance
 from contactsense.localization.line_of_action_search import search_along_line_of_action
 from contactsense.localization.none_of_these import none_of_these_evidence
+from contactsense.localization.primitive_frames import place_primitives
 from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
 from contactsense.localization.surface_cells import SurfaceCells
 from contactsense.localization.surface_search import search_surface
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
-from contactsense.robots.vectors import add, vector
-from contactsense.solvers.posterior.contact_prior import Prior
+from contactsense.solvers.posterior.contact_prior import Prior, with_surface
 from contactsense.solvers.posterior.mode import ENERGY_CUTOFF
 
 LINE_OF_ACTION_DEVIATION = 0.008
@@ -88,15 +86,7 @@ def locate_contacts(
         return 0
     surface_deviation, log_share = prior.surface_deviation, 0.0
     for _ in range(2):
-        assumed = Prior(
-            prior.friction_ratio,
-            prior.torsion_lever,
-            surface_deviation,
-            prior.force,
-            prior.clearance,
-            prior.area,
-            prior.log_link_density,
-        )
+        assumed = with_surface(prior, prior.friction_ratio, surface_deviation)
         if line_of_action_known:
             count = search_along_line_of_action(
                 surfaces, scene.deviations, searched, with_prior, assumed, buffers, candidates,
@@ -190,24 +180,6 @@ def _is_line_of_action_known(w: np.ndarray, P: np.ndarray, o: np.ndarray) -> boo
         moment_variance(P, o[0], o[1], o[2])
         < LINE_OF_ACTION_DEVIATION * LINE_OF_ACTION_DEVIATION * squared_force
     )
-
-
-@fused_kernel
-def place_primitives(surfaces: Surfaces, depth: np.ndarray, motion: Motion, candidates: Frames) -> None:
-    """Compute the body frames of all primitives in the base frame."""
-    for p in range(surfaces.kind.shape[0]):
-        body = depth[surfaces.link[p]]
-        R, s = motion.rotation[body], vector(surfaces.origin[p])
-        # Read before anything is written: the compiler cannot know that these are other arrays.
-        rows = (vector(R[0]), vector(R[1]), vector(R[2]))
-        S, o, T = surfaces.rotation[p], candidates.origin[p], candidates.rotation[p]
-        x = matvec(rows, (S[0, 0], S[1, 0], S[2, 0]))
-        y = matvec(rows, (S[0, 1], S[1, 1], S[2, 1]))
-        z = matvec(rows, (S[0, 2], S[1, 2], S[2, 2]))
-        o[0], o[1], o[2] = add(vector(motion.origin[body]), matvec(rows, s))
-        T[0, 0], T[0, 1], T[0, 2] = x[0], y[0], z[0]
-        T[1, 0], T[1, 1], T[1, 2] = x[1], y[1], z[1]
-        T[2, 0], T[2, 1], T[2, 2] = x[2], y[2], z[2]
 
 
 @fused_kernel

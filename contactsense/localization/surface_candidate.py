@@ -31,7 +31,13 @@ from contactsense.solvers.posterior.contact_prior import Contact, Prior, pushing
 from contactsense.solvers.posterior.mode import find_posterior_mode
 
 MERGE_DISTANCE = 0.04
-"""Cells within this distance of a candidate's point belong to the candidate [m]."""
+"""Cells within this distance of a candidate's point belong to the candidate [m]: the one in which it is and
+those beside it. The edges of cells, sqrt(12) `spread`, have medians of 27 mm (UR3e) to 56 mm (UR20).
+
+The value is not critical. With 20 and 80 mm, regions hold the true place as often within 0.5 percentage
+points, and the errors of stated probabilities differ by less than 0.01: by
+`contactsense.benchmarks.accuracy.calibration`, for 700 static contacts each of UR5e and UR10e, torques alone
+at 0.3 and 1 Nm, and the base sensor alone at 1 N, 0.2 Nm."""
 MERGE_SIGMAS = 3.0
 """Cells within this many standard deviations belong to it, too."""
 MAX_PROJECTIONS = 8

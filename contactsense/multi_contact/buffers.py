@@ -7,6 +7,7 @@ from contactsense.localization.candidate_buffers import MAX_CANDIDATES, Candidat
 from contactsense.localization.local_prior import DeviationCells
 from contactsense.multi_contact.joint_layout import CONTACT_LENGTH, LANE_NUMBERS
 from contactsense.multi_contact.pair_layout import FIRST_LENGTH, PAIR_LENGTH, PAIRS
+from contactsense.multi_contact.sample_layout import BLOCK_LENGTH
 from contactsense.multi_contact.seed_samples import SeedSamples, choose_seed_samples
 from contactsense.robots.jit.declaration import Floats, Integers
 from contactsense.robots.jit.flat_buffers import zeros
@@ -33,15 +34,6 @@ MAX_SUMMED_PAIRS = 12
 MAX_EXPLANATIONS = 3 * MAX_SEEDS + 1 + max(MAX_SUMMED_PAIRS, LANES)
 """Maximum number of explanations before ranking. Pairs of links without an optimum are some only where
 nothing was known before; where something was, a block behind them is scratch."""
-X, Y, Z, NX, NY, NZ, GAIN, DET, NORMAL_FORCE, HIGHEST = range(0, 10 * LANES, LANES)
-"""Offsets of the quantities of a sample in a block of samples, see `contactsense.localization.simd_layout`.
-
-`X` to `NZ`: point [m] and outward unit normal, base frame. `GAIN`, `DET`, `NORMAL_FORCE`: see
-`contactsense.multi_contact.link_information.likelihood_near_samples`. `HIGHEST`: scratch, the highest `GAIN`
-of those beside which it was computed.
-"""
-BLOCK_LENGTH = 10 * LANES
-"""Length of a block."""
 
 
 class PlacedSurface(NamedTuple):
@@ -81,7 +73,8 @@ class KnownContacts(NamedTuple):
     point: Annotated[Floats, f"{MAX_CONTACTS}, 3"]
     """Point [m]."""
     covariance: Annotated[Floats, f"{MAX_CONTACTS}, 3, 3"]
-    """Covariance of `point` [m^2]; its tangential part is used."""
+    """Covariance of `point` [m^2]. Where it is narrow, its tangential part is used; see
+    `contactsense.multi_contact.known_place_mixture`."""
     force: Annotated[Floats, f"{MAX_CONTACTS}, 3"]
     """Previous force [N]."""
     torsion: Annotated[Floats, f"{MAX_CONTACTS}"]

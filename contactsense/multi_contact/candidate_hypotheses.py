@@ -8,7 +8,7 @@ from contactsense.runtime.answer import COUNT
 from contactsense.runtime.constants import Constants
 from contactsense.runtime.state import State
 
-MIN_PROBABILITY = 0.1
+MIN_HYPOTHESIS_PROBABILITY = 0.1
 """Explanations of a single contact that are more probable than this are tested for a further one."""
 
 
@@ -20,7 +20,7 @@ def candidate_hypotheses(constants: Constants, state: State) -> list[Hypothesis]
     hypotheses = []
     for row in candidates.order[:count].tolist():
         p = float(candidates.probability[row])
-        if p < MIN_PROBABILITY:
+        if p < MIN_HYPOTHESIS_PROBABILITY:
             break
         contact = tracked_contact(
             constants,

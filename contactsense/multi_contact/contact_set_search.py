@@ -31,15 +31,11 @@ from contactsense.multi_contact.known_prior import fill_known_prior
 from contactsense.multi_contact.known_rows import Change, KnownRows
 from contactsense.multi_contact.pooled_evidence import log_of_sum, pool_link_evidence
 from contactsense.multi_contact.pooled_places import pool_places, widen_places
-from contactsense.multi_contact.ranked_sets import (
-    adopt_candidate,
-    rank_sets,
-    share_evidence,
-    store_explanation,
-)
-from contactsense.multi_contact.sample_likelihood import initialize_seeding
+from contactsense.multi_contact.ranked_sets import rank_sets, share_evidence
 from contactsense.multi_contact.seeding import drop_seeds_at_candidates, find_seeds
+from contactsense.multi_contact.seeding_prior import initialize_seeding
 from contactsense.multi_contact.set_evidence import add_accessibility, fill_set_evidence, known_evidence
+from contactsense.multi_contact.stored_explanations import adopt_candidate, store_explanation
 from contactsense.multi_contact.summed_pairs import store_summed_pairs
 from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
 from contactsense.robots.jit.lanes import LANES

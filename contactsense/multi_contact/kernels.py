@@ -4,16 +4,18 @@ import math
 
 import numpy as np
 
-from contactsense.localization.ranking import place_primitives
-from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
+from contactsense.localization.primitive_frames import place_primitives
+from contactsense.localization.searched_surface import SearchArrays
 from contactsense.multi_contact.buffers import MultiContactBuffers
 from contactsense.multi_contact.contact_set_search import Sought, search_contact_sets
 from contactsense.multi_contact.measurement_rows import Variances, fill_measurement_rows, rank_of
-from contactsense.multi_contact.sample_likelihood import estimate_force_scale, transform_samples
+from contactsense.multi_contact.sample_likelihood import transform_samples
+from contactsense.multi_contact.seeding_prior import estimate_force_scale
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.signed_distance_grid import Grids, Skin
 from contactsense.runtime.buffers import Buffers, buffer_views
-from contactsense.runtime.candidate_rows import MIN_PROBABILITY, CandidateRow, write_row
+from contactsense.runtime.candidate_rows import MIN_REPORTED_PROBABILITY, CandidateRow, write_row
+from contactsense.runtime.explanation import searched_surface
 from contactsense.runtime.no_contact_hypothesis import update_covariances
 from contactsense.runtime.residual_update import residual_variance_ratio
 from contactsense.sensors.usable_sensors import Usable
@@ -72,16 +74,7 @@ def explain_contact_sets(
     m = fill_measurement_rows(
         constants.sensors, state.motion, external, variances, present, lag, buffers.rows
     )
-    scene = SearchedSurface(
-        constants.surfaces,
-        constants.samples,
-        constants.surface_blocks,
-        constants.subsamples,
-        constants.deviations,
-        constants.touchable,
-        constants.left_out,
-        depth,
-    )
+    scene = searched_surface(constants)
     arrays = SearchArrays(state.search_buffers, state.surface_cells, buffers.candidates)
     force_scale = estimate_force_scale(external, present)
     count = search_contact_sets(
@@ -91,7 +84,7 @@ def explain_contact_sets(
     listed, row = 0, 0
     for k in range(count):
         t = explanations.order[k]
-        if explanations.probability[t] < MIN_PROBABILITY:
+        if explanations.probability[t] < MIN_REPORTED_PROBABILITY:
             break
         for i in range(explanations.contacts[t]):
             found = CandidateRow(

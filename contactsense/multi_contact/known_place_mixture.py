@@ -29,7 +29,8 @@ from contactsense.multi_contact.joint_optimization import find_joint_modes
 from contactsense.multi_contact.known_components import COMPONENT_WIDTH, fill_component_priors
 from contactsense.multi_contact.known_rows import Change
 from contactsense.multi_contact.pooled_places import bilinear_form
-from contactsense.multi_contact.ranked_sets import order_distinct, store_explanation
+from contactsense.multi_contact.ranked_sets import order_distinct
+from contactsense.multi_contact.stored_explanations import store_explanation
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.vectors import Vector, dot, subtract, vector

@@ -17,20 +17,9 @@ import numpy as np
 
 from contactsense.kinematics.linalg.cholesky import cholesky, substitute_lower
 from contactsense.kinematics.wrench_information import Block, blocks, dot, shift_information, shift_vector
-from contactsense.multi_contact.buffers import (
-    DET,
-    GAIN,
-    NORMAL_FORCE,
-    NX,
-    NY,
-    NZ,
-    MeasurementRows,
-    SeedingBuffers,
-    X,
-    Y,
-    Z,
-)
+from contactsense.multi_contact.buffers import MeasurementRows, SeedingBuffers
 from contactsense.multi_contact.force_information import factored, force_precision, solved, without_moment
+from contactsense.multi_contact.sample_layout import DET, GAIN, NORMAL_FORCE, NX, NY, NZ, X, Y, Z
 from contactsense.multi_contact.seed_samples import SeedSamples
 from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
 from contactsense.robots.jit.lanes import LANES

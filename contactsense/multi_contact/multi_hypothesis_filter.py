@@ -9,6 +9,7 @@ import numpy as np
 from contactsense.detection.false_alarm_rate import sample_threshold
 from contactsense.detection.thresholds import degrees_of_freedom_of
 from contactsense.multi_contact.locator import MultiContactLocator
+from contactsense.multi_contact.marginal_probabilities import SAME_POINT_DISTANCE
 from contactsense.multi_contact.tracked_contacts import (
     TrackedContact,
     contacts_in_link_frame,
@@ -26,8 +27,6 @@ MAX_HYPOTHESES = 4
 """Maximum number of hypotheses."""
 MAX_LOG_ODDS = 8.0
 """Hypotheses whose log odds to the best are worse than this are dropped."""
-SAME_POINT_DISTANCE = 0.02
-"""Contacts within this distance are the same [m]."""
 
 
 class Hypothesis(NamedTuple):

@@ -30,19 +30,7 @@ from contactsense.multi_contact.pair_layout import (  # isort: skip
     P2, P20, P21, PAIR_DET, PAIR_FORCE, PAIR_GAIN, PAIRS, PUSH, Q0, Q1, Q2, Q3, Q4, Q5, SECOND_DET,
     SECOND_GAIN,
 )  # fmt: skip
-from contactsense.multi_contact.buffers import (
-    DET,
-    GAIN,
-    HIGHEST,
-    NORMAL_FORCE,
-    NX,
-    NY,
-    NZ,
-    SeedingBuffers,
-    X,
-    Y,
-    Z,
-)
+from contactsense.multi_contact.buffers import SeedingBuffers
 from contactsense.multi_contact.force_information import (
     factored,
     force_precision,
@@ -52,6 +40,7 @@ from contactsense.multi_contact.force_information import (
     without_moment,
 )
 from contactsense.multi_contact.link_information import force_near_sample, force_volume
+from contactsense.multi_contact.sample_layout import DET, GAIN, HIGHEST, NORMAL_FORCE, NX, NY, NZ, X, Y, Z
 from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
 from contactsense.robots.jit.lanes import LANES
 

@@ -25,7 +25,7 @@ import numpy as np
 from contactsense.multi_contact.buffers import Explanations
 from contactsense.multi_contact.ranked_sets import order_distinct
 from contactsense.robots.jit.kernel import fused_kernel
-from contactsense.runtime.candidate_rows import MIN_PROBABILITY
+from contactsense.runtime.candidate_rows import MIN_REPORTED_PROBABILITY
 from contactsense.solvers.posterior.mode import ENERGY_CUTOFF
 
 SUM_WEIGHT = 0.6
@@ -94,7 +94,7 @@ def pool_link_evidence(
 @fused_kernel
 def lowest_reported(evidence: np.ndarray, score: np.ndarray, stored: int) -> float:
     """Log evidence below which nothing is reported, given all evidence; arguments as for `log_of_sum`."""
-    return math.log(MIN_PROBABILITY) + log_of_sum(evidence, score, stored)
+    return math.log(MIN_REPORTED_PROBABILITY) + log_of_sum(evidence, score, stored)
 
 
 @fused_kernel

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from contactsense.localization.candidate_buffers import Candidates
-from contactsense.multi_contact.buffers import GAIN, NORMAL_FORCE, MeasurementRows, SeedingBuffers
+from contactsense.multi_contact.buffers import MeasurementRows, SeedingBuffers
 from contactsense.multi_contact.link_information import (
     fill_link_information,
     likelihood_near_samples,
@@ -13,6 +13,7 @@ from contactsense.multi_contact.link_information import (
     log_likelihood,
 )
 from contactsense.multi_contact.pair_seeding import seed_pairs, take_samples
+from contactsense.multi_contact.sample_layout import GAIN, NORMAL_FORCE
 from contactsense.multi_contact.sample_likelihood import (
     add_sample_covariance,
     copy_lower,
@@ -21,8 +22,8 @@ from contactsense.multi_contact.sample_likelihood import (
     weight_innovation,
 )
 from contactsense.multi_contact.seed_list import SAME_SIDE_COSINE, find_slot, put_seed
-from contactsense.multi_contact.seed_samples import SeedSamples
-from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.multi_contact.seed_samples import SampleBlocks, SeedSamples
+from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
 from contactsense.robots.jit.lanes import LANES
 
 
@@ -82,6 +83,22 @@ def drop_seeds_at_candidates(
     return kept
 
 
+@inlined_fused_kernel
+def _likelihood_in_block(
+    chosen: SampleBlocks, d: int, deviations: tuple[float, float], seeding: SeedingBuffers
+) -> None:
+    """Likelihood of a contact near each sample of block d; `deviations`: of its force along the normal and
+    along the tangents [N]."""
+    link = chosen.link[d]
+    likelihood_near_samples(
+        seeding.link_information[link],
+        seeding.link_vector[link],
+        deviations,
+        seeding.moment_deviation[link],
+        seeding.block[d],
+    )
+
+
 @fused_kernel
 def _seed_singles(
     seed_samples: SeedSamples,
@@ -96,14 +113,8 @@ def _seed_singles(
     deviations = force_deviations(force_scale, friction_ratio)
     base = take_samples(seed_samples, force_scale, rows, m, seeding)
     for d in range(chosen.link.shape[0]):
-        block, link = seeding.block[d], chosen.link[d]
-        likelihood_near_samples(
-            seeding.link_information[link],
-            seeding.link_vector[link],
-            deviations,
-            seeding.moment_deviation[link],
-            block,
-        )
+        block = seeding.block[d]
+        _likelihood_in_block(chosen, d, deviations, seeding)
         for e in range(chosen.filled[d]):
             if not (block[NORMAL_FORCE + e] > 0.0 and base + block[GAIN + e] > scores[-1]):
                 continue
@@ -122,7 +133,7 @@ def _seed_triples(
     m: int,
     seeding: SeedingBuffers,
 ) -> None:
-    """The pairs of the beam, each extended by every coarse sample, after `_seed_pairs`."""
+    """The pairs of the beam, each extended by every coarse sample, after `seed_pairs`."""
     chosen, scores = seed_samples.coarse, seeding.seed_score
     deviations = force_deviations(force_scale, friction_ratio)
     for d in range(chosen.link.shape[0]):
@@ -146,14 +157,8 @@ def _seed_triples(
         copy_lower(m, seeding.given_covariance, seeding.factor)
         base = fill_link_information(rows, m, seeding)
         for d in range(chosen.link.shape[0]):
-            block, link = seeding.block[d], chosen.link[d]
-            likelihood_near_samples(
-                seeding.link_information[link],
-                seeding.link_vector[link],
-                deviations,
-                seeding.moment_deviation[link],
-                block,
-            )
+            block = seeding.block[d]
+            _likelihood_in_block(chosen, d, deviations, seeding)
             for e in range(chosen.filled[d]):
                 j = chosen.sample[d, e]
                 if j == i or j == k:  # noqa: SIM109 (a tuple would be searched slower)

@@ -25,7 +25,7 @@ SKIN_STEPS = 5
 """Newton steps from the primitive to the skin along the line of action."""
 SKIN_TOLERANCE = 1e-4
 """Largest distance from the skin at which the point counts as on it [m]."""
-MIN_PROBABILITY = 0.01
+MIN_REPORTED_PROBABILITY = 0.01
 """Candidates less probable than this are not reported."""
 
 
@@ -59,7 +59,7 @@ def write_candidates(constants: Constants, state: State, skin: Grids, count: int
     written = 0
     for k in range(count):
         p = candidates.order[k]
-        if candidates.probability[p] < MIN_PROBABILITY:
+        if candidates.probability[p] < MIN_REPORTED_PROBABILITY:
             break
         found = CandidateRow(
             candidates.primitive[p], candidates.probability[p], candidates.torsion[p], candidates.point[p],

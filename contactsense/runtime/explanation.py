@@ -112,16 +112,7 @@ def explain_sample(
         best = most_probable_link(constants, state)
         if best >= 0:
             state.candidate_links[best] = 1
-    scene = SearchedSurface(
-        constants.surfaces,
-        constants.samples,
-        constants.surface_blocks,
-        constants.subsamples,
-        constants.deviations,
-        constants.touchable,
-        constants.left_out,
-        constants.sensors.depth,
-    )
+    scene = searched_surface(constants)
     arrays = SearchArrays(state.search_buffers, state.surface_cells, state.candidates)
     count = locate_contacts(
         scene,
@@ -137,3 +128,18 @@ def explain_sample(
         count = merge_overlapping(constants.surfaces, state.candidates, count)
     listed: int = write_candidates(constants, state, Grids(*skin), min(count, rows.shape[0]), rows)
     return listed, no_contact_energy
+
+
+@inlined_kernel
+def searched_surface(constants: Constants) -> SearchedSurface:
+    """The surface of the scene's arm, as the searches for contacts take it."""
+    return SearchedSurface(
+        constants.surfaces,
+        constants.samples,
+        constants.surface_blocks,
+        constants.subsamples,
+        constants.deviations,
+        constants.touchable,
+        constants.left_out,
+        constants.sensors.depth,
+    )

@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense.kinematics.wrench_transform import wrench_transform
-from contactsense.runtime.link_sensor_frame import LinkSensorFrame, LoadWeight
+from contactsense.runtime.link_sensor_frame import LinkSensorFrame
+from contactsense.runtime.load_weight import LoadWeight
 from contactsense.runtime.reading_limits import (
     LARGEST_FORCE,
     LARGEST_MOMENT,

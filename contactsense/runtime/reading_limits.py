@@ -22,8 +22,12 @@ TORQUE_SCALE = 1.5
 """A measured torque above this multiple of the joint's limit is implausible: limits are those of the drives,
 and motor torques include acceleration and friction of the rotor."""
 LARGEST_FORCE, LARGEST_MOMENT = 5000.0, 5000.0
-"""Largest contact on an arm, where the sensor states no range [N, Nm]: ten times the largest force that
-ISO/TS 15066 (2016, table A.2) permits for a moment on any part of a person."""
+"""Largest wrench of a contact about the base origin, where the sensor states no range [N, Nm].
+
+The force is above ten times the 440 N that ISO/TS 15066 permits for a moment on any part of a person (2016,
+table A.2: thighs and knees). The moment is that of this force at one metre; at the end of the longest arm of
+the library, the UR20 with a reach of 1.75 m, that of six times the 440 N. Readings
+in mN or Nmm are beyond them from 5 N or 5 Nm on."""
 SAME = 0.2
 """Wrenches that differ by less than this share of the arm's weight are taken for the same."""
 ROUNDING = 1e-6

@@ -43,8 +43,9 @@ class StreamScreening:
         self.first: dict[str, str] = {}
         """Field -> why it was removed from a sample of this stream for the first time."""
         self.by_kernel = False
-        """Whether the kernel's own test of a sample is enough, see `contactsense.runtime.reading_limits`; at
-        the start of a stream, while the weight is compared, it is not."""
+        """Whether the kernel's own test of a sample is enough, see
+        `contactsense.runtime.reading_limits`; at the start of a stream, while the weight is compared, it
+        is not."""
         self.reset()
 
     def reset(self) -> None:

@@ -11,7 +11,11 @@ from contactsense.robots.link_poses import link_poses
 from contactsense.robots.primitive_extent import beyond, extent
 from contactsense.robots.primitives import Primitive
 from contactsense.robots.units import FURTHEST
-from contactsense.runtime.largest_reading import RAMP_TIME, largest_reading_at_rest, largest_reading_in_motion
+from contactsense.runtime.largest_reading import (
+    RAMP_TIME,
+    largest_reading_at_rest,
+    largest_reading_in_motion,
+)
 from contactsense.runtime.link_prior import area_share, link_probability
 from contactsense.runtime.scene_surfaces import scene_surfaces
 from contactsense.runtime.weight import ArmWeight

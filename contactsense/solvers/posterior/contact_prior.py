@@ -5,7 +5,7 @@ import math
 from typing import Annotated, NamedTuple
 
 from contactsense.robots.jit.declaration import Floats
-from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
 from contactsense.robots.vectors import Vector
 from contactsense.solvers.posterior.block import LENGTH
 
@@ -63,6 +63,20 @@ class SearchBuffers(NamedTuple):
     """Columns: outward normal and two tangents, body axes."""
     block: Annotated[Floats, f"{LENGTH}"]
     """Block, see `contactsense.solvers.posterior.block`."""
+
+
+@inlined_fused_kernel
+def with_surface(prior: Prior, friction_ratio: float, surface_deviation: float) -> Prior:
+    """The prior on another surface; a compiled `_replace`."""
+    return Prior(
+        friction_ratio,
+        prior.torsion_lever,
+        surface_deviation,
+        prior.force,
+        prior.clearance,
+        prior.area,
+        prior.log_link_density,
+    )
 
 
 @fused_kernel

@@ -14,7 +14,7 @@ from contactsense.localization.accessibility import (
     clearance,
 )
 from contactsense.localization.candidate_buffers import store_candidate
-from contactsense.localization.ranking import place_primitives
+from contactsense.localization.primitive_frames import place_primitives
 from contactsense.robots.surface.convex_primitives import project
 from contactsense.robots.vectors import tangents
 from contactsense.runtime.constants import Constants, build_constants

@@ -8,7 +8,7 @@ from contactsense.kinematics.momenta import kinematics_and_momenta
 from contactsense.localization.accessibility import OWN_CLEARANCE, clearance
 from contactsense.localization.local_prior import nearest_cell
 from contactsense.localization.mean_surface_distance import mean_surface_distance
-from contactsense.localization.ranking import place_primitives
+from contactsense.localization.primitive_frames import place_primitives
 from contactsense.robots.surface.convex_primitives import project
 from contactsense.runtime.constants import Constants, build_constants
 from contactsense.runtime.deviation_cells import CELL_RADIUS

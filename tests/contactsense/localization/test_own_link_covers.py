@@ -9,7 +9,7 @@ import pytest
 from contactsense import JointTorqueSensor, Localizer, Scene, WrenchSensor, robots
 from contactsense.kinematics.momenta import kinematics_and_momenta
 from contactsense.localization.accessibility import OWN_CLEARANCE, clearance
-from contactsense.localization.ranking import place_primitives
+from contactsense.localization.primitive_frames import place_primitives
 from contactsense.readings import forward_model
 from contactsense.robots.primitives import Box
 from contactsense.robots.surface.union import distances

@@ -6,7 +6,7 @@ import numpy as np
 
 from contactsense import Localizer, Scene, robots
 from contactsense.benchmarks.multi_contact.trials import Trial, Trials
-from contactsense.localization.ranking import place_primitives
+from contactsense.localization.primitive_frames import place_primitives
 from contactsense.multi_contact.buffers import (
     MultiContactBuffers,
     PlacedSurface,

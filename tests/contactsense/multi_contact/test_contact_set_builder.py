@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from contactsense import Scene, WrenchSensor
-from contactsense.multi_contact.contact_set_builder import (
+from contactsense.multi_contact.contact_set_builder import ContactSetBuilder, _largest_deviation
+from contactsense.multi_contact.marginal_probabilities import (
     SAME_POINT_DISTANCE,
-    ContactSetBuilder,
-    _largest_deviation,
     state_marginal_probabilities,
 )
 from contactsense.output.estimate_builder import EstimateBuilder

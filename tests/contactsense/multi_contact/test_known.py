@@ -5,7 +5,7 @@ import pytest
 
 from contactsense import Scene, robots
 from contactsense.kinematics.forward_kinematics import forward_kinematics
-from contactsense.localization.ranking import place_primitives
+from contactsense.localization.primitive_frames import place_primitives
 from contactsense.multi_contact.buffers import (
     MultiContactBuffers,
     PlacedSurface,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from contactsense.kinematics.forward_kinematics import forward_kinematics
-from contactsense.localization.ranking import place_primitives
+from contactsense.localization.primitive_frames import place_primitives
 from contactsense.multi_contact.buffers import (
     MultiContactBuffers,
     PlacedSurface,
@@ -14,8 +14,8 @@ from contactsense.multi_contact.joint_covariance import fill_covariances
 from contactsense.multi_contact.known_place_mixture import divide_known_places
 from contactsense.multi_contact.known_prior import fill_known_prior
 from contactsense.multi_contact.known_rows import Change, KnownRows
-from contactsense.multi_contact.ranked_sets import store_explanation
 from contactsense.multi_contact.set_evidence import known_evidence
+from contactsense.multi_contact.stored_explanations import store_explanation
 from contactsense.robots import Link, Robot
 from contactsense.robots.primitives import Box, Primitive
 from contactsense.robots.vectors import Vector

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from contactsense.multi_contact.buffers import NORMAL_FORCE
 from contactsense.multi_contact.link_information import (
     fill_link_information,
     fill_sample_blocks,
     likelihood_near_samples,
     log_gain,
 )
+from contactsense.multi_contact.sample_layout import NORMAL_FORCE
 from contactsense.multi_contact.sample_likelihood import RATIO_FACTOR
 from contactsense.multi_contact.seed_list import SAME_SIDE_COSINE
 from contactsense.multi_contact.seed_samples import in_blocks

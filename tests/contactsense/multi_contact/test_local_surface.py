@@ -6,7 +6,7 @@ import pytest
 
 from contactsense import Scene
 from contactsense.kinematics.forward_kinematics import forward_kinematics
-from contactsense.localization.ranking import place_primitives
+from contactsense.localization.primitive_frames import place_primitives
 from contactsense.multi_contact.buffers import PlacedSurface, empty_multi_contact_buffers
 from contactsense.multi_contact.contact_step import move_to_cells, set_contact, vector_of
 from contactsense.multi_contact.joint_layout import (
@@ -19,7 +19,7 @@ from contactsense.multi_contact.joint_layout import (
     TILT,
     TORSION,
 )
-from contactsense.multi_contact.ranked_sets import store_explanation
+from contactsense.multi_contact.stored_explanations import store_explanation
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.convex_primitives import project
 from contactsense.runtime.constants import build_constants

@@ -6,7 +6,7 @@ from contactsense.multi_contact.contact_step import vector_of
 from contactsense.multi_contact.joint_covariance import covariance_of, fill_covariances
 from contactsense.multi_contact.joint_optimization import find_joint_modes
 from contactsense.multi_contact.known_rows import KnownRows
-from contactsense.multi_contact.ranked_sets import store_explanation
+from contactsense.multi_contact.stored_explanations import store_explanation
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.convex_primitives import curvature
 from contactsense.solvers.posterior.contact_prior import Contact

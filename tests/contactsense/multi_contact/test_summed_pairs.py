@@ -23,7 +23,7 @@ from contactsense.multi_contact.seed_samples import in_blocks
 from contactsense.multi_contact.seeding import find_seeds
 from contactsense.multi_contact.summed_pairs import store_summed_pairs
 from contactsense.robots.jit.flat_buffers import zeros
-from contactsense.runtime.candidate_rows import MIN_PROBABILITY
+from contactsense.runtime.candidate_rows import MIN_REPORTED_PROBABILITY
 from tests.contactsense.multi_contact.random_measurement import (
     ROWS,
     added_covariance,
@@ -196,9 +196,9 @@ def test_the_most_probable_pairs_take_their_evidence_along() -> None:
     total = logsumexp(np.append(before, score[0]))
     assert logsumexp(np.append(evidence, score[:stored])) == pytest.approx(total)
     shares = np.exp(score[1:stored] - total)
-    assert (shares > MIN_PROBABILITY).all()
+    assert (shares > MIN_REPORTED_PROBABILITY).all()
     assert (np.diff(shares) <= 0.0).all()
-    assert stored == 1 + min(int((np.exp(before - total) > MIN_PROBABILITY).sum()), MAX_SUMMED_PAIRS)
+    assert stored == 1 + min(int((np.exp(before - total) > MIN_REPORTED_PROBABILITY).sum()), MAX_SUMMED_PAIRS)
     for t in range(1, stored):
         links = buffers.seed_samples.link[
             [int(np.flatnonzero((buffers.seeding.point_normal[:, :3] == c).all(axis=1))[0])

@@ -1,0 +1,135 @@
+"""What is known of the rows before a further contact is searched: their covariance due to noise and known
+contacts, and the innovation over the forces of these."""
+
+import math
+
+import numpy as np
+
+from contactsense.multi_contact.buffers import (
+    PLACES,
+    UNKNOWNS,
+    JointState,
+    KnownPriorScratch,
+    MultiContactBuffers,
+    SeedingBuffers,
+)
+from contactsense.multi_contact.contact_step import vector_of
+from contactsense.multi_contact.joint_layout import FX, NX, PX, W0
+from contactsense.multi_contact.known_rows import Change, unknown_of_factor
+from contactsense.multi_contact.sample_likelihood import add_contact_covariance, force_deviations
+from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.robots.jit.lanes import LANES
+from contactsense.robots.vectors import norm
+from contactsense.sensors.usable_sensors import Usable
+
+TORQUE_LEVER = 0.5
+"""Lever arm that converts a torque to a force if there is no base sensor [m]."""
+MIN_FORCE = 1.0
+"""Lower bound of the force scale [N]."""
+
+
+@fused_kernel
+def estimate_force_scale(external: tuple[np.ndarray, np.ndarray, np.ndarray], present: Usable) -> float:
+    """Approximate magnitude of the contact forces [N].
+
+    Arguments as for `contactsense.multi_contact.measurement_rows.fill_measurement_rows`.
+    """
+    force_scale = MIN_FORCE
+    if present[0]:
+        y = external[0]
+        force_scale = max(force_scale, math.sqrt(y[0] * y[0] + y[1] * y[1] + y[2] * y[2]))
+    for s in range(external[2].shape[0]):
+        if present[2] >> s & 1:
+            y = external[2][s]
+            force_scale = max(force_scale, math.sqrt(y[0] * y[0] + y[1] * y[1] + y[2] * y[2]))
+    if present[1]:
+        for j in range(external[1].shape[0]):
+            force_scale = max(force_scale, abs(external[1][j]) / TORQUE_LEVER)
+    return force_scale
+
+
+@fused_kernel
+def initialize_seeding(
+    links: np.ndarray,
+    friction_ratio: float,
+    buffers: MultiContactBuffers,
+    known_count: int,
+    change: Change,
+    force_scale: float,
+    m: int,
+) -> None:
+    """Covariance of the rows due to noise and known contacts, and the innovation over their known forces.
+
+    The places of known contacts are taken for independent of their forces, and the moment that they leave
+    open for the same about all axes. That is more than the covariances of a normal distribution, and allows
+    for what it does not describe: a place on the neighbouring primitive, or on another side of this one.
+
+    Args:
+        links: Link of each primitive, shape (P,).
+        friction_ratio: That of the prior.
+        buffers: With the measurement, and the known contacts after
+            `contactsense.multi_contact.known_prior.fill_known_prior`; `seeding` is filled.
+        known_count, change: Their number, and what has changed of them.
+        force_scale: Approximate magnitude of the forces [N].
+        m: Number of rows of the measurement.
+    """
+    rows, seeding, joint = buffers.rows, buffers.seeding, buffers.joint
+    seeding.prior_covariance[:m, :m] = 0.0
+    for r in range(m):
+        seeding.prior_covariance[r, r] = 1.0
+        seeding.innovation[r] = rows.value[r]
+    deviations, is_held = force_deviations(force_scale, friction_ratio), change.drift < math.inf
+    if is_held:
+        deviations = (change.drift, change.drift)
+        _subtract_known_wrenches(joint, known_count, m, seeding)
+        if change.measured:
+            deviations = (0.0, 0.0)
+            _add_known_forces(joint, known_count, m, buffers.known_prior, seeding)
+    for i in range(known_count):
+        block, C, force_norm = joint.contact[i], buffers.known.covariance[i], force_scale
+        c, n, f = vector_of(block, PX, 0), vector_of(block, NX, 0), vector_of(block, FX, 0)
+        if is_held:
+            force_norm = norm(f)
+        add_contact_covariance(
+            rows,
+            m,
+            links[buffers.known.primitive[i]],
+            (c[0], c[1], c[2], n[0], n[1], n[2]),
+            deviations,
+            force_norm * math.sqrt(0.5 * (C[0, 0] + C[1, 1] + C[2, 2])),
+            seeding.force_jacobian,
+            seeding.weighted_innovation,
+            seeding.prior_covariance,
+        )
+
+
+@fused_kernel
+def _subtract_known_wrenches(joint: JointState, known_count: int, m: int, seeding: SeedingBuffers) -> None:
+    """The innovation over the wrenches of the known contacts, which are in lane 0."""
+    for r in range(m):
+        for i in range(known_count):
+            for k in range(6):
+                seeding.innovation[r] -= joint.rows[i, (6 * r + k) * LANES] * joint.contact[i, W0 + k * LANES]
+
+
+@fused_kernel
+def _add_known_forces(
+    joint: JointState, known_count: int, m: int, known_prior: KnownPriorScratch, seeding: SeedingBuffers
+) -> None:
+    """Covariance of the rows due to what is not known of forces, torsions and offsets of the known contacts,
+    which are in lane 0, given their places.
+
+    With the derivative J of the rows by these unknowns and the factor U of the information on them, the
+    covariance is (J U^-1) (J U^-1)^T.
+    """
+    U, Y, first, size = known_prior.factor, known_prior.whitened, PLACES * known_count, UNKNOWNS * known_count
+    for r in range(m):
+        y = Y[r]
+        for a in range(size - 1, first - 1, -1):
+            x = joint.jacobian[unknown_of_factor(a, known_count), r * LANES]
+            for b in range(a + 1, size):
+                x -= U[b, a] * y[b]
+            y[a] = x / U[a, a]
+        for s in range(r + 1):
+            for a in range(first, size):
+                seeding.prior_covariance[r, s] += y[a] * Y[s, a]
