@@ -14,7 +14,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "localizer": ["Localizer"],
         "output.batch": ["Batch"],
         "readings": ["Readings", "forward_model"],
-        "runtime.sample_blocks": ["BlockEstimates", "SampleBlock"],
+        "sample_blocks": ["BlockEstimates", "SampleBlock"],
         "scene": ["JointTorqueSensor", "LinkWrenchSensor", "Scene", "SceneError", "WrenchSensor"],
         "surface_map.detectability": ["Detectability", "detectability"],
         "types": ["Contact", "Estimate", "Event", "Explanation", "Sample"],
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from contactsense.output.batch import Batch as Batch
     from contactsense.readings import Readings as Readings
     from contactsense.readings import forward_model as forward_model
-    from contactsense.runtime.sample_blocks import BlockEstimates as BlockEstimates
-    from contactsense.runtime.sample_blocks import SampleBlock as SampleBlock
+    from contactsense.sample_blocks import BlockEstimates as BlockEstimates
+    from contactsense.sample_blocks import SampleBlock as SampleBlock
     from contactsense.scene import JointTorqueSensor as JointTorqueSensor
     from contactsense.scene import LinkWrenchSensor as LinkWrenchSensor
     from contactsense.scene import Scene as Scene

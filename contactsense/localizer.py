@@ -13,6 +13,8 @@ from contactsense.multi_contact.kernels import explain_contact_sets
 from contactsense.multi_contact.marginal_probabilities import state_marginal_probabilities
 from contactsense.multi_contact.tracker import MultiContactTracker
 from contactsense.output.degraded_reason import degraded_reason
+from contactsense.plausibility.stream_screening import StreamScreening
+from contactsense.plausibility.stream_start import FROM_START, StreamStart
 from contactsense.residuals.bias_filter import restart as restart_bias_filter
 from contactsense.residuals.noise_scale import restart as restart_noise_scale
 from contactsense.residuals.sensor_consistency import restart as restart_consistency
@@ -25,9 +27,7 @@ from contactsense.runtime.block_runner import MAX_BLOCK, BlockRunner
 from contactsense.runtime.intrinsic import batch_intrinsic, localize_intrinsic
 from contactsense.runtime.kernels import DETECTED, SCREENED, process
 from contactsense.runtime.picked_up_payload import PickedUpPayload
-from contactsense.runtime.sample_blocks import BlockEstimates, SampleBlock
-from contactsense.runtime.stream_screening import StreamScreening
-from contactsense.runtime.stream_start import FROM_START, StreamStart
+from contactsense.sample_blocks import BlockEstimates, SampleBlock
 from contactsense.scene import Scene
 from contactsense.sensors.link_values import as_fields
 from contactsense.sensors.stream_state import (

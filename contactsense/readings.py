@@ -8,10 +8,10 @@ from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.inverse_dynamics import inverse_dynamics
 from contactsense.kinematics.model import build_model, empty_motion
 from contactsense.robots.attribute_docs import with_attributes
-from contactsense.runtime.arm_model import model_with_tool
-from contactsense.runtime.link_sensors import mounts
-from contactsense.runtime.load_weight import LoadWeight
 from contactsense.scene import Scene
+from contactsense.scene_model.arm_model import model_with_tool
+from contactsense.scene_model.link_sensors import mounts
+from contactsense.scene_model.load_weight import LoadWeight
 from contactsense.sensors.validation import checked_vector
 
 

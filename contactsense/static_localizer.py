@@ -11,20 +11,20 @@ from contactsense.kinematics.simd_kinematics import empty_lanes
 from contactsense.multi_contact.locator import MultiContactLocator
 from contactsense.output.batch import Batch, batch_of
 from contactsense.output.estimate_builder import EstimateBuilder
+from contactsense.plausibility.plausible_limits import PlausibleLimits
 from contactsense.robots.jit.kernel import loaded
 from contactsense.robots.jit.progress_bar import Notify, shown_compilation
 from contactsense.runtime.buffers import Buffers, KernelBuffers
-from contactsense.runtime.constants import build_constants
 from contactsense.runtime.detectable import DetectableForce
 from contactsense.runtime.intrinsic import batch_intrinsic
 from contactsense.runtime.kernels import AT_REST, CHECKED, DETECT_ONLY, EXTERNAL, LINK_FIRST, batch
 from contactsense.runtime.measurement import DOUBTFUL, NOT_FINITE, UNTOUCHED
 from contactsense.runtime.parallel_batch import explain_rows
-from contactsense.runtime.plausibility import PlausibleLimits
 from contactsense.runtime.result_rows import WIDTH
-from contactsense.runtime.skin_grids import skin_argument
 from contactsense.runtime.state import empty_state
 from contactsense.scene import Scene
+from contactsense.scene_model.constants import build_constants
+from contactsense.scene_model.skin_grids import skin_argument
 from contactsense.sensors.link_values import by_field
 from contactsense.sensors.sample_fields import SENSORS, SampleFields
 from contactsense.sensors.stream_state import Readings

@@ -15,8 +15,8 @@ from contactsense.benchmarks.peers.touches import Toucher, Touches
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import empty_motion
 from contactsense.residuals.joint_friction import unmodelled_torque_std
-from contactsense.runtime.constants import Constants, build_constants
 from contactsense.scene import SceneError
+from contactsense.scene_model.constants import Constants, build_constants
 
 
 class Answers(NamedTuple):

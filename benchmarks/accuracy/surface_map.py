@@ -27,7 +27,7 @@ from contactsense.benchmarks.accuracy.static_cases import COLUMNS, SENSORS, Nois
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import build_model, empty_motion
 from contactsense.robots import RobotError
-from contactsense.runtime.constants import build_constants
+from contactsense.scene_model.constants import build_constants
 from contactsense.service.cli.finite_range import FiniteRange
 
 TOLERANCE = 0.2

@@ -14,7 +14,7 @@ from contactsense import LinkWrenchSensor, Scene
 from contactsense.calibration import FreeMotion
 from contactsense.robots import Inertia, Link, Robot
 from contactsense.robots.tool import join_inertia, move_inertia
-from contactsense.runtime.wrench_map import WrenchMap
+from contactsense.scene_model.wrench_map import WrenchMap
 from contactsense.service.mock.newton_euler import LinkLoad, inverse_dynamics, link_poses
 
 

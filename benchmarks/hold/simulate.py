@@ -14,7 +14,7 @@ from contactsense.benchmarks.motion.model_error import MASS_ERROR, heavier
 from contactsense.kinematics.inverse_dynamics import inverse_dynamics
 from contactsense.kinematics.model import build_model, empty_motion
 from contactsense.robots.surface.union import distances
-from contactsense.runtime.constants import build_constants
+from contactsense.scene_model.constants import build_constants
 
 NOISE = COLUMNS[2]
 LINK = 3

@@ -26,9 +26,9 @@ from contactsense.benchmarks.motion.options import MODELS
 from contactsense.benchmarks.motion.score import FORCE
 from contactsense.benchmarks.motion.smoothing_limit import smoothing_limit, true_path
 from contactsense.benchmarks.motion.streams import Stream, read, redrawn
-from contactsense.runtime.constants import build_constants
 from contactsense.runtime.result_rows import LINK, POINT_BASE
 from contactsense.scene import Scene
+from contactsense.scene_model.constants import build_constants
 from contactsense.service.analysis.contact_history import ContactCollector, ContactHistory
 from contactsense.service.analysis.contact_windows import contact_windows
 from contactsense.service.analysis.smoothed_contact import SmoothedContact

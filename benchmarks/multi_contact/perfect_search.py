@@ -22,10 +22,10 @@ from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.convex_primitives import project
 from contactsense.runtime.buffers import Buffers, KernelBuffers, buffer_views
-from contactsense.runtime.constants import build_constants
 from contactsense.runtime.kernels import AT_REST, EXTERNAL, process
-from contactsense.runtime.skin_grids import skin_argument
 from contactsense.runtime.state import empty_state
+from contactsense.scene_model.constants import build_constants
+from contactsense.scene_model.skin_grids import skin_argument
 from contactsense.solvers.posterior.contact_prior import pushing_force
 
 MAX_RESTARTS = 10

@@ -10,7 +10,7 @@ from contactsense import Scene
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import empty_motion
 from contactsense.robots.surface.convex_primitives import project
-from contactsense.runtime.constants import Constants, build_constants
+from contactsense.scene_model.constants import Constants, build_constants
 
 Links = Literal["different", "same"]
 

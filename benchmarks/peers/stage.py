@@ -14,7 +14,7 @@ from contactsense.kinematics.model import Model, Motion, empty_motion
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.vectors import Vector
-from contactsense.runtime.constants import build_constants
+from contactsense.scene_model.constants import build_constants
 
 
 class Noise(NamedTuple):

@@ -10,7 +10,7 @@ from contactsense.benchmarks.peers.skin_table import Table, scattered, spread
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import Motion, empty_motion
 from contactsense.robots.surface.union import distances
-from contactsense.runtime.constants import build_constants
+from contactsense.scene_model.constants import build_constants
 
 ROOM = 0.02
 """Required distance above a touched place that is free of other links and of the mounting plane [m]."""

@@ -29,7 +29,7 @@ from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import Motion, empty_motion
 from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.robots.jit.kernel import allocating_fused_kernel
-from contactsense.runtime.constants import Constants, build_constants
+from contactsense.scene_model.constants import Constants, build_constants
 
 MIN_FORCE, MAX_FORCE = 1.0, 300.0
 """Range of the normal force [N]; its logarithm is uniform."""

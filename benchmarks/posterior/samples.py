@@ -14,7 +14,7 @@ from contactsense.robots.decomposition.surface_error import on_union, surface_po
 from contactsense.robots.link_poses import joint_pose
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.surface.union import distances
-from contactsense.runtime.constants import build_constants
+from contactsense.scene_model.constants import build_constants
 
 SPACING = 0.004
 """Approximate edge of a patch [m]."""

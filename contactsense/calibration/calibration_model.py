@@ -10,8 +10,8 @@ from contactsense.kinematics.model import Model
 from contactsense.kinematics.regressor import bodies_of, parameters_of
 from contactsense.kinematics.wrench_transform import wrench_transform
 from contactsense.residuals.joint_friction import JointTorqueModel, joint_torque_model
-from contactsense.runtime.arm_model import model_with_tool
 from contactsense.scene import Scene
+from contactsense.scene_model.arm_model import model_with_tool
 from contactsense.sensors.settings import JointTorqueSensor, WrenchSensor, per_joint
 
 _MIN_TOOL_MASS = 0.02

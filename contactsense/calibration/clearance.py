@@ -9,8 +9,8 @@ import numpy as np
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import empty_motion
 from contactsense.robots.surface.union import distances
-from contactsense.runtime.constants import build_constants
 from contactsense.scene import Scene
+from contactsense.scene_model.constants import build_constants
 
 
 class Clearance:

@@ -21,8 +21,8 @@ from contactsense.kinematics.inverse_dynamics import inverse_dynamics
 from contactsense.kinematics.model import empty_motion
 from contactsense.kinematics.wrench_transform import wrench_transform
 from contactsense.residuals.momentum_observer import noise_variance_ratio
-from contactsense.runtime.wrench_map import WrenchMap
 from contactsense.scene import Scene
+from contactsense.scene_model.wrench_map import WrenchMap
 from contactsense.sensors.settings import per_joint
 
 

@@ -18,8 +18,8 @@ from contactsense.calibration.residual_jacobian import Rows, difference, inertia
 from contactsense.kinematics.inverse_dynamics import inverse_dynamics
 from contactsense.kinematics.model import empty_motion
 from contactsense.robots.link_poses import link_poses
-from contactsense.runtime.link_sensors import Mount, mounts
 from contactsense.scene import Scene, WrenchSensor
+from contactsense.scene_model.link_sensors import Mount, mounts
 
 
 class _Poses(NamedTuple):

@@ -13,7 +13,7 @@ from contactsense.robots.jit.declaration import Floats, Integers
 from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.convex_primitives import Surfaces
-from contactsense.runtime.constants import Constants
+from contactsense.scene_model.constants import Constants
 
 MAX_CONTACTS = 3
 """Maximum number of simultaneous contacts."""

@@ -5,8 +5,8 @@ import math
 from contactsense.multi_contact.multi_hypothesis_filter import MAX_HYPOTHESES, Hypothesis
 from contactsense.multi_contact.tracked_contacts import tracked_contact
 from contactsense.runtime.answer import COUNT
-from contactsense.runtime.constants import Constants
 from contactsense.runtime.state import State
+from contactsense.scene_model.constants import Constants
 
 MIN_HYPOTHESIS_PROBABILITY = 0.1
 """Explanations of a single contact that are more probable than this are tested for a further one."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from contactsense.robots.jit.declaration import Floats, Integers
 from contactsense.robots.jit.lanes import LANES
-from contactsense.runtime.constants import Constants
+from contactsense.scene_model.constants import Constants
 
 MAX_SEED_SAMPLES = 160
 """Number of samples of which pairs are formed."""

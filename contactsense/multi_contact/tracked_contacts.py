@@ -8,7 +8,7 @@ import numpy as np
 from contactsense.kinematics.model import Motion
 from contactsense.multi_contact.buffers import Explanations
 from contactsense.multi_contact.locator import KnownContact
-from contactsense.runtime.constants import Constants
+from contactsense.scene_model.constants import Constants
 
 
 class TrackedContact(NamedTuple):

@@ -9,10 +9,10 @@ import numpy as np
 
 from contactsense.output.fast_dataclass import mutable_twin
 from contactsense.output.touched_body import TouchedBody
-from contactsense.runtime.constants import Constants
 from contactsense.runtime.result_rows import NUMBERS, VECTORS
 from contactsense.runtime.state import State
 from contactsense.scene import Scene
+from contactsense.scene_model.constants import Constants
 from contactsense.types import Contact, Estimate, Event, EventKind, Phase, Status
 
 _MutableEstimate, _MutableContact = mutable_twin(Estimate), mutable_twin(Contact)

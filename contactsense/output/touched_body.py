@@ -9,8 +9,8 @@ from contactsense.kinematics.model import Motion
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.surface.union import distances
 from contactsense.robots.surroundings import Body, pack_bodies
-from contactsense.runtime.constants import Constants
 from contactsense.scene import Scene
+from contactsense.scene_model.constants import Constants
 
 REACH_SIGMAS = 2.0
 """An obstacle is within reach of a contact up to this many standard deviations of its point."""

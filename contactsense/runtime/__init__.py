@@ -1,1 +1,1 @@
-"""The compiled sample path: constants, state, and the functions that Python calls."""
+"""The compiled sample path: its state, and the functions that Python calls."""

@@ -23,7 +23,7 @@ from contactsense.runtime.block_columns import (
 from contactsense.runtime.block_kernel import BlockInputs, detect_and_localize_block
 from contactsense.runtime.buffers import Buffers
 from contactsense.runtime.result_rows import LINK, POINT, WIDTH
-from contactsense.runtime.sample_blocks import BlockEstimates, SampleBlock
+from contactsense.sample_blocks import BlockEstimates, SampleBlock
 from contactsense.scene import Scene
 from contactsense.tracking.contact_track import ContactStatus
 from contactsense.types import Contact, Estimate

@@ -5,8 +5,8 @@ from typing import TypeAlias
 import numpy as np
 
 from contactsense.robots.jit.flat_buffers import FlatBuffers, views_kernel
-from contactsense.runtime.constants import Constants, sizes_of
 from contactsense.runtime.state import State
+from contactsense.scene_model.constants import Constants, sizes_of
 
 SIZES = ("joints", "links", "primitives", "samples", "blocks", "subsamples", "link_sensors", "deviations")
 """Order of the sizes in the buffers."""

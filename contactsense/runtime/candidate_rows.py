@@ -7,7 +7,6 @@ import numpy as np
 from contactsense.robots.jit.kernel import inlined_kernel, kernel
 from contactsense.robots.surface.signed_distance_grid import Grids, intersect_skin
 from contactsense.robots.vectors import add, rotate, rotate_back, subtract, vector
-from contactsense.runtime.constants import Constants
 from contactsense.runtime.result_rows import (
     FIRST_COVARIANCE,
     FIRST_FORCE,
@@ -20,6 +19,7 @@ from contactsense.runtime.result_rows import (
     TORSION,
 )
 from contactsense.runtime.state import State
+from contactsense.scene_model.constants import Constants
 
 SKIN_STEPS = 5
 """Newton steps from the primitive to the skin along the line of action."""

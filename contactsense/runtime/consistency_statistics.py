@@ -6,8 +6,8 @@ from contactsense.kinematics.linalg.ldl import half_squared_norm
 from contactsense.kinematics.spatial import dot6
 from contactsense.residuals.sensor_consistency import AGREEMENT, FORCE
 from contactsense.robots.jit.kernel import inlined_kernel
-from contactsense.runtime.constants import Constants
 from contactsense.runtime.state import State
+from contactsense.scene_model.constants import Constants
 from contactsense.sensors.stream_state import BASE, TORQUE
 
 

@@ -12,8 +12,8 @@ from contactsense.detection.thresholds import (
     threshold_index,
 )
 from contactsense.robots.jit.declaration import numbers
-from contactsense.runtime.constants import Constants
 from contactsense.runtime.state import State
+from contactsense.scene_model.constants import Constants
 from contactsense.sensors.stream_state import BASE
 from contactsense.sensors.usable_sensors import (
     Usable,

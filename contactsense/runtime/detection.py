@@ -10,7 +10,6 @@ from contactsense.residuals.sensor_consistency import exclude_inconsistent, upda
 from contactsense.residuals.sensor_consistency import update_is_due as consistency_is_due
 from contactsense.robots.jit.kernel import inlined_kernel
 from contactsense.runtime.consistency_statistics import consistency_statistics
-from contactsense.runtime.constants import Constants
 from contactsense.runtime.no_contact_hypothesis import (
     energy_at_rest,
     energy_of_change,
@@ -20,6 +19,7 @@ from contactsense.runtime.no_contact_hypothesis import (
 )
 from contactsense.runtime.residual_update import follow_noise_and_timing, residual_variance_ratio
 from contactsense.runtime.state import State
+from contactsense.scene_model.constants import Constants
 from contactsense.sensors.stream_state import (
     BASE,
     INCONSISTENT,

@@ -11,10 +11,10 @@ from contactsense.robots.jit.kernel import inlined_kernel, kernel
 from contactsense.robots.surface.signed_distance_grid import Grids, Skin
 from contactsense.runtime.buffers import Buffers, buffer_views
 from contactsense.runtime.candidate_rows import write_candidates
-from contactsense.runtime.constants import Constants
 from contactsense.runtime.no_contact_hypothesis import update_covariances
 from contactsense.runtime.sensor_rows import fill_rows
 from contactsense.runtime.state import State
+from contactsense.scene_model.constants import Constants
 from contactsense.sensors.usable_sensors import Usable
 
 

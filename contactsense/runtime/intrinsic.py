@@ -11,13 +11,13 @@ from contactsense.robots.vectors import add, rotate, vector
 from contactsense.runtime.answer import store_first
 from contactsense.runtime.buffers import Buffers, buffer_views
 from contactsense.runtime.candidate_rows import CandidateRow, write_row
-from contactsense.runtime.constants import Constants
 from contactsense.runtime.explanation import (
     isolate_links,
     most_probable_link,
 )
 from contactsense.runtime.state import State
 from contactsense.runtime.static_residuals import Measured, take_static_sample
+from contactsense.scene_model.constants import Constants
 from contactsense.solvers.wrench import Wrench, in_frame
 
 

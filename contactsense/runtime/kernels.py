@@ -17,9 +17,9 @@ from contactsense.runtime.detection import conclude, decide
 from contactsense.runtime.explanation import explain_sample
 from contactsense.runtime.measurement import UNTOUCHED, take_measurement
 from contactsense.runtime.newest_sample import localize
-from contactsense.runtime.reading_limits import is_sample_plausible
 from contactsense.runtime.residual_update import update_residuals
 from contactsense.runtime.static_residuals import Measured, take_static_residuals
+from contactsense.scene_model.reading_limits import is_sample_plausible
 from contactsense.sensors.stream_state import (
     REPEATED,
     RESTARTED,

@@ -5,16 +5,16 @@ import math
 import numpy as np
 
 from contactsense.robots.jit.kernel import inlined_kernel, kernel
-from contactsense.runtime.constants import Constants
-from contactsense.runtime.reading_limits import (
+from contactsense.runtime.state import State
+from contactsense.runtime.static_residuals import Measured, take_static_sample
+from contactsense.scene_model.constants import Constants
+from contactsense.scene_model.reading_limits import (
     TORQUE_SCALE,
     are_positions_within,
     are_torques_within,
     is_base_plausible,
     is_contact_wrench,
 )
-from contactsense.runtime.state import State
-from contactsense.runtime.static_residuals import Measured, take_static_sample
 from contactsense.sensors.usable_sensors import Usable
 
 NOT_FINITE, DOUBTFUL, UNTOUCHED = -1, -2, -3

@@ -10,7 +10,6 @@ from contactsense.robots.surface.signed_distance_grid import Skin
 from contactsense.robots.vectors import cross, dot, rotate_back, subtract, vector
 from contactsense.runtime.answer import NUMBER, PHASE, SENSORS, store_first
 from contactsense.runtime.buffers import Buffers, buffer_views
-from contactsense.runtime.constants import Constants
 from contactsense.runtime.explanation import explain_sample
 from contactsense.runtime.residual_update import set_external
 from contactsense.runtime.result_rows import (
@@ -23,6 +22,7 @@ from contactsense.runtime.result_rows import (
     TORSION,
 )
 from contactsense.runtime.state import State
+from contactsense.scene_model.constants import Constants
 from contactsense.sensors.usable_sensors import usable_residuals_code, usable_sensors
 from contactsense.tracking.contact_track import NONE
 from contactsense.tracking.contact_tracker import choose_window, update_phase

@@ -14,8 +14,8 @@ from contactsense.residuals.observers import first_torque, parts_of
 from contactsense.residuals.residual_ewma import share_in_average
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import inlined_kernel
-from contactsense.runtime.constants import Constants
 from contactsense.runtime.state import State
+from contactsense.scene_model.constants import Constants
 from contactsense.sensors.stream_state import BASE, TORQUE
 from contactsense.tracking.contact_track import NONE
 

@@ -17,8 +17,8 @@ from contactsense.residuals.observers import ResidualParts, start_steps
 from contactsense.residuals.timing_error import advance_timing_error
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import inlined_kernel
-from contactsense.runtime.constants import Constants
 from contactsense.runtime.state import State
+from contactsense.scene_model.constants import Constants
 from contactsense.sensors.stream_state import BASE, LINK, TORQUE, TORQUE_DIFFERENCE
 
 

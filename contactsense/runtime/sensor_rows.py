@@ -2,8 +2,8 @@
 
 from contactsense.kinematics.spatial import component_about, dot6
 from contactsense.robots.jit.kernel import inlined_kernel
-from contactsense.runtime.constants import Constants
 from contactsense.runtime.state import State
+from contactsense.scene_model.constants import Constants
 
 
 @inlined_kernel

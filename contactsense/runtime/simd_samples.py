@@ -19,7 +19,6 @@ from contactsense.residuals.simd_equations import (
     equations_in_lanes,
 )
 from contactsense.robots.jit.kernel import inlined_kernel
-from contactsense.runtime.constants import Constants
 from contactsense.runtime.detection import conclude, decide
 from contactsense.runtime.residual_update import (
     observe_link_sensors,
@@ -28,6 +27,7 @@ from contactsense.runtime.residual_update import (
     update_link_sensors,
 )
 from contactsense.runtime.state import State
+from contactsense.scene_model.constants import Constants
 from contactsense.sensors.stream_state import (
     BASE,
     LINK,

@@ -20,7 +20,7 @@ from contactsense.residuals.timing_error import TimingError
 from contactsense.robots.jit.declaration import Floats, Integers, Sized
 from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.runtime.answer import Answer
-from contactsense.runtime.constants import Constants, sizes_of
+from contactsense.scene_model.constants import Constants, sizes_of
 from contactsense.sensors.stream_state import StreamState
 from contactsense.solvers.posterior.contact_prior import SearchBuffers
 from contactsense.tracking.contact_track import ContactTrack

@@ -9,9 +9,9 @@ from contactsense.kinematics.spatial import dot6
 from contactsense.residuals.joint_friction import unmodelled_torque_std
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import inlined_kernel
-from contactsense.runtime.constants import Constants
 from contactsense.runtime.residual_update import update_link_sensors
 from contactsense.runtime.state import State
+from contactsense.scene_model.constants import Constants
 
 Measured: TypeAlias = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 """Joint positions [rad] and torques [Nm], shape (n,), base wrench (6,) and wrenches on the link sensors (S,

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from contactsense.calibration.free_motion import FreeMotion
-from contactsense.runtime.reading_limits import ROUNDING
 from contactsense.scene import Scene, WrenchSensor
+from contactsense.scene_model.reading_limits import ROUNDING
 from contactsense.setup_check.fit import Fit
 from contactsense.setup_check.proposals import written
 from contactsense.setup_check.result import Finding, Residuals, Verdict, WrenchResidual

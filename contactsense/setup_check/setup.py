@@ -13,8 +13,8 @@ from contactsense.kinematics.regressor import parameters_of
 from contactsense.kinematics.wrench_transform import wrench_transform
 from contactsense.robots import Inertia
 from contactsense.robots.tool import move_inertia
-from contactsense.runtime.link_sensors import mounts
 from contactsense.scene import JointTorqueSensor, Scene, WrenchSensor
+from contactsense.scene_model.link_sensors import mounts
 from contactsense.sensors.settings import Meaning
 
 Kind = Literal["tilt", "mass", "com", "turn", "shift", "delay", "force", "moment", "wrench", "gain"]

@@ -8,9 +8,9 @@ from contactsense.detection.detectable_force import DETECTION
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import Motion, empty_motion
 from contactsense.robots.attribute_docs import with_attributes
-from contactsense.runtime.constants import Constants, build_constants
-from contactsense.runtime.reading_limits import LARGEST_FORCE
 from contactsense.scene import Scene
+from contactsense.scene_model.constants import Constants, build_constants
+from contactsense.scene_model.reading_limits import LARGEST_FORCE
 from contactsense.sensors.validation import checked_vector
 from contactsense.surface_map.cell_evidence import CellEvidence, cell_evidence
 from contactsense.surface_map.expected_answers import expected_answers

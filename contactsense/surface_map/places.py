@@ -14,7 +14,7 @@ from contactsense.localization.surface_samples import (
 from contactsense.robots.rotations import symmetric
 from contactsense.robots.surface.convex_primitives import Surfaces, curvature
 from contactsense.robots.surface.union import distances
-from contactsense.runtime.constants import Constants
+from contactsense.scene_model.constants import Constants
 
 _PROJECTIONS = 2
 

@@ -5,8 +5,8 @@ import numpy as np
 from contactsense.kinematics.model import Motion
 from contactsense.kinematics.wrench_transform import wrench_transform
 from contactsense.residuals.joint_friction import unmodelled_torque_std
-from contactsense.runtime.constants import Constants
 from contactsense.scene import Scene
+from contactsense.scene_model.constants import Constants
 
 
 def sensor_response(scene: Scene, constants: Constants, motion: Motion) -> np.ndarray:

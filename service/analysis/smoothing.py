@@ -10,8 +10,8 @@ from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import build_model, empty_motion
 from contactsense.residuals.momentum_observer import noise_variance_ratio
 from contactsense.runtime.result_rows import LINK, POINT_BASE
-from contactsense.runtime.skin_grids import skin_of
 from contactsense.scene import Scene
+from contactsense.scene_model.skin_grids import skin_of
 from contactsense.service.analysis.contact_history import ContactHistory
 from contactsense.service.analysis.contact_windows import ContactWindows, contact_windows
 from contactsense.service.analysis.curved_regions import curvature_covariance

@@ -15,7 +15,7 @@ from fastapi import Depends
 from starlette.requests import HTTPConnection
 
 from contactsense import Scene
-from contactsense.runtime.plausibility import PlausibleLimits
+from contactsense.plausibility.plausible_limits import PlausibleLimits
 from contactsense.service.api import clips, messages, track
 from contactsense.service.api.connections import ConnectionLimits
 from contactsense.service.api.limits import RequestLimits

@@ -15,8 +15,8 @@ from rich.table import Table
 
 from contactsense.calibration import Calibration, CalibrationError, FreeMotion, Settings, default_groups
 from contactsense.calibration import calibrate as run
+from contactsense.plausibility.plausible_limits import PlausibleLimits
 from contactsense.robots.file_references import moved
-from contactsense.runtime.plausibility import PlausibleLimits
 from contactsense.scene import Scene, SceneError
 from contactsense.service.cli.calibration_doubts import doubts
 from contactsense.service.cli.calibration_page import Section, channels, page, reasons_against

@@ -9,8 +9,8 @@ import numpy as np
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import empty_motion
 from contactsense.robots.rendering import View, at_pose, side_by_side
-from contactsense.runtime.constants import build_constants
 from contactsense.scene import Scene
+from contactsense.scene_model.constants import build_constants
 from contactsense.service.drawing.figure_style import figure_style
 from contactsense.service.drawing.palette import HEAT, heat_colours
 from contactsense.surface_map.detectability import Detectability

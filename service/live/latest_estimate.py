@@ -2,7 +2,7 @@
 
 import json
 
-from contactsense.runtime.stream_start import FROM_START
+from contactsense.plausibility.stream_start import FROM_START
 
 LONE = 0.5
 """Estimates that merely lack a reading are reported after this time without any other [s]. The source of the

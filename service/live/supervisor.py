@@ -19,7 +19,7 @@ from multiprocessing.process import BaseProcess
 from typing import Any, Literal
 
 from contactsense import Scene
-from contactsense.runtime.stream_start import FROM_START
+from contactsense.plausibility.stream_start import FROM_START
 from contactsense.service.api.messages import PipelineHealth, SourceHealth
 from contactsense.service.live.latest_estimate import LatestEstimate
 from contactsense.service.live.loading import Loading, OnLoading

@@ -9,8 +9,8 @@ from contactsense.residuals.joint_friction import JointTorqueModel, friction_tor
 from contactsense.robots import Robot
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.tool import Tool
-from contactsense.runtime.wrench_map import WrenchMap
 from contactsense.scene import JointTorqueSensor, Scene, WrenchSensor
+from contactsense.scene_model.wrench_map import WrenchMap
 from contactsense.sensors.settings import per_joint
 from contactsense.service.mock.script import Noise, Script, ScriptError
 from contactsense.service.sensors.robot_stream import SensorError

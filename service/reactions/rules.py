@@ -14,8 +14,8 @@ from pydantic import (
 from contactsense.robots.file_model import FileModel
 from contactsense.robots.units import in_metres
 from contactsense.robots.yaml_fields import read_fields
-from contactsense.runtime.reading_limits import LARGEST_FORCE
 from contactsense.scene import Scene, describe
+from contactsense.scene_model.reading_limits import LARGEST_FORCE
 from contactsense.service.reactions.actions import Action
 
 ANY, TOOL = "any", "tool"

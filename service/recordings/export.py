@@ -10,9 +10,9 @@ import pyarrow as pa
 import pyarrow.csv as pa_csv
 
 from contactsense.robots.whole_file import whole_file
-from contactsense.runtime.link_sensor_frame import LinkSensorFrame
-from contactsense.runtime.wrench_map import WrenchMap
 from contactsense.scene import Scene
+from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
+from contactsense.scene_model.wrench_map import WrenchMap
 from contactsense.sensors.link_values import as_fields, column_of
 from contactsense.service.recordings.metadata import metadata
 from contactsense.service.recordings.parquet_files import write_parquet

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from contactsense.runtime.link_sensor_frame import LinkSensorFrame
 from contactsense.scene import Scene
+from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
 from contactsense.sensors.link_values import by_field, column_of
 from contactsense.service.recordings.metadata import metadata
 from contactsense.service.recordings.segment_writer import Rotation, SegmentWriter

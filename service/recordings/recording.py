@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from contactsense.runtime.block_runner import MAX_BLOCK
-from contactsense.runtime.sample_blocks import SampleBlock
+from contactsense.sample_blocks import SampleBlock
 from contactsense.sensors.link_values import by_field, column_of
 from contactsense.service.recordings.problems import Problem
 from contactsense.types import Sample

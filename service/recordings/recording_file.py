@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contactsense.runtime.link_sensor_frame import LinkSensorFrame
-from contactsense.runtime.wrench_map import WrenchMap
 from contactsense.scene import Scene
+from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
+from contactsense.scene_model.wrench_map import WrenchMap
 from contactsense.sensors.link_values import as_fields
 from contactsense.service.recordings.bag_files import BagFile, is_bag
 from contactsense.service.recordings.cleaning import RowChecker

@@ -4,9 +4,9 @@ import time
 
 import numpy as np
 
-from contactsense.runtime.link_sensor_frame import LinkSensorFrame
-from contactsense.runtime.wrench_map import WrenchMap
 from contactsense.scene import Scene
+from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
+from contactsense.scene_model.wrench_map import WrenchMap
 from contactsense.sensors.link_values import by_field, column_of
 from contactsense.types import Estimate, Sample
 

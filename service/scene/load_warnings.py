@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from contactsense.runtime.largest_reading import RAMP_TIME, largest_torque_at_rest
+from contactsense.plausibility.largest_reading import RAMP_TIME, largest_torque_at_rest
 from contactsense.scene import Scene
 from contactsense.sensors.settings import WrenchSensor, per_joint
 

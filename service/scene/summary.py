@@ -7,20 +7,20 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from contactsense.localization.surface_samples import sample_surface
-from contactsense.robots.link_poses import link_poses
-from contactsense.robots.primitive_extent import beyond, extent
-from contactsense.robots.primitives import Primitive
-from contactsense.robots.units import FURTHEST
-from contactsense.runtime.largest_reading import (
+from contactsense.plausibility.largest_reading import (
     RAMP_TIME,
     largest_reading_at_rest,
     largest_reading_in_motion,
 )
-from contactsense.runtime.link_prior import area_share, link_probability
-from contactsense.runtime.scene_surfaces import scene_surfaces
-from contactsense.runtime.weight import ArmWeight
-from contactsense.runtime.wrench_map import WrenchMap
+from contactsense.robots.link_poses import link_poses
+from contactsense.robots.primitive_extent import beyond, extent
+from contactsense.robots.primitives import Primitive
+from contactsense.robots.units import FURTHEST
 from contactsense.scene import Scene
+from contactsense.scene_model.arm_weight import ArmWeight
+from contactsense.scene_model.link_prior import area_share, link_probability
+from contactsense.scene_model.scene_surfaces import scene_surfaces
+from contactsense.scene_model.wrench_map import WrenchMap
 from contactsense.sensors.settings import WrenchSensor
 from contactsense.service.scene.load_warnings import load_warnings
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from contactsense.calibration import FreeMotion
 from contactsense.calibration.free_motion import without_delays
-from contactsense.runtime.link_sensor_frame import LinkSensorFrame
-from contactsense.runtime.wrench_map import WrenchMap
 from contactsense.scene import Scene
+from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
+from contactsense.scene_model.wrench_map import WrenchMap
 from contactsense.sensors.link_values import by_field
 from contactsense.service.sensors.live_source import LiveSource, SourceSettings
 from contactsense.service.sensors.robot_stream import SensorError

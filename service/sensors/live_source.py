@@ -8,9 +8,9 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from contactsense.runtime.link_sensor_frame import LinkSensorFrame
-from contactsense.runtime.wrench_map import WrenchMap
 from contactsense.scene import Scene
+from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
+from contactsense.scene_model.wrench_map import WrenchMap
 from contactsense.sensors.link_values import as_fields
 from contactsense.service.sensors import netft_client as netft
 from contactsense.service.sensors import rtde_client as rtde

@@ -9,8 +9,8 @@ import viser
 from contactsense.detection.detectable_force import DETECTION
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import empty_motion
-from contactsense.runtime.constants import build_constants
 from contactsense.scene import Scene
+from contactsense.scene_model.constants import build_constants
 from contactsense.service.drawing.link_geometry import link_meshes
 from contactsense.service.drawing.palette import heat_colours
 from contactsense.service.scene.summary import link_places

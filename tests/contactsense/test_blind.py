@@ -11,7 +11,7 @@ import pytest
 
 from contactsense import JointTorqueSensor, Localizer, Sample, SampleBlock, Scene, WrenchSensor, forward_model
 from contactsense.robots.tool import Tool
-from contactsense.runtime.constants import build_constants
+from contactsense.scene_model.constants import build_constants
 from contactsense.sensors.stream_state import DEGRADED
 from tests.plain_arm import plain_ur5e
 

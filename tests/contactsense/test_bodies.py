@@ -11,7 +11,7 @@ from contactsense.readings import forward_model
 from contactsense.robots.link_poses import link_poses
 from contactsense.robots.primitives import Box, Cylinder, Sphere
 from contactsense.robots.surroundings import Body
-from contactsense.runtime.constants import build_constants
+from contactsense.scene_model.constants import build_constants
 from contactsense.types import Estimate
 from tests.plain_arm import plain_ur5e
 

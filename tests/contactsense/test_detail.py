@@ -10,7 +10,7 @@ from contactsense.benchmarks.accuracy.calibration import judge, summarize
 from contactsense.benchmarks.accuracy.static_cases import COLUMNS
 from contactsense.benchmarks.accuracy.static_points import read
 from contactsense.robots.decomposition.mesh_sources import skin_meshes
-from contactsense.runtime.constants import build_constants
+from contactsense.scene_model.constants import build_constants
 from tests.plain_arm import plain_ur5e
 from tests.shared import shared, truth
 

@@ -10,9 +10,9 @@ from contactsense.robots import Robot
 from contactsense.robots.primitives import Cylinder, Sphere
 from contactsense.robots.surroundings import Body
 from contactsense.robots.tool import Tool
-from contactsense.runtime.constants import build_constants
-from contactsense.runtime.link_prior import area_share, link_probability, log_link_density
-from contactsense.runtime.scene_surfaces import touchable_links
+from contactsense.scene_model.constants import build_constants
+from contactsense.scene_model.link_prior import area_share, link_probability, log_link_density
+from contactsense.scene_model.scene_surfaces import touchable_links
 from tests.plain_arm import plain_ur5e
 
 ARM: Robot = plain_ur5e()

@@ -11,9 +11,9 @@ from pydantic import ValidationError
 from contactsense import JointTorqueSensor, Localizer, Scene, SceneError, WrenchSensor, robots
 from contactsense.robots.primitives import Sphere
 from contactsense.robots.tool import Tool
-from contactsense.runtime.constants import build_constants
-from contactsense.runtime.wrench_map import WrenchMap
 from contactsense.scene import MAX_LINK_WRENCHES
+from contactsense.scene_model.constants import build_constants
+from contactsense.scene_model.wrench_map import WrenchMap
 from contactsense.sensors.stream_state import MAX_SENSORS
 
 

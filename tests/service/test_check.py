@@ -14,8 +14,8 @@ from rich.console import Console
 from contactsense.benchmarks.calibration.link_sensor_draws import ELBOW, WRIST
 from contactsense.benchmarks.calibration.setup_draws import Settings, right_setup
 from contactsense.calibration import FreeMotion
-from contactsense.runtime.link_sensor_frame import LinkSensorFrame
 from contactsense.scene import Scene
+from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
 from contactsense.sensors.link_values import as_fields, column_of
 from contactsense.service.cli.check import check, print_check
 from contactsense.service.mock.script import Script

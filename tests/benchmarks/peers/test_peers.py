@@ -15,7 +15,7 @@ from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import build_model, empty_motion
 from contactsense.robots.link_poses import link_poses
 from contactsense.robots.surface.union import distances
-from contactsense.runtime.constants import build_constants
+from contactsense.scene_model.constants import build_constants
 
 POSTURE = np.array([[0.3, -1.2, 1.4, -0.8, -1.1, 0.4]])
 WRIST_2 = 5

@@ -8,8 +8,8 @@ import pytest
 from contactsense import Localizer, Sample, SampleBlock, Scene, SceneError, WrenchSensor
 from contactsense.robots import Inertia, Link
 from contactsense.robots.tool import Tool
-from contactsense.runtime.link_sensor_frame import LinkSensorFrame
-from contactsense.runtime.load_weight import LoadWeight
+from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
+from contactsense.scene_model.load_weight import LoadWeight
 from tests.contactsense.link_sensors.truth import (
     ARM,
     BASE,

@@ -17,8 +17,8 @@ from contactsense.localization.candidate_buffers import store_candidate
 from contactsense.localization.primitive_frames import place_primitives
 from contactsense.robots.surface.convex_primitives import project
 from contactsense.robots.vectors import tangents
-from contactsense.runtime.constants import Constants, build_constants
 from contactsense.runtime.state import State, empty_state
+from contactsense.scene_model.constants import Constants, build_constants
 from contactsense.solvers.posterior.contact_prior import STUDENT_DOF, Contact
 from contactsense.solvers.posterior.mode import Mode
 

@@ -7,8 +7,8 @@ from contactsense import Scene
 from contactsense.localization.candidate_buffers import store_candidate
 from contactsense.localization.local_prior import MAX_TILT, TILT_LENGTH, tilt_in_cell
 from contactsense.robots.vectors import tangents
-from contactsense.runtime.constants import build_constants
 from contactsense.runtime.state import empty_state
+from contactsense.scene_model.constants import build_constants
 from contactsense.solvers.posterior.contact_prior import Contact
 from contactsense.solvers.posterior.mode import Mode
 

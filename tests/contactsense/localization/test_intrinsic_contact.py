@@ -5,7 +5,7 @@ import pytest
 
 from contactsense import JointTorqueSensor, Localizer, Sample, Scene, WrenchSensor, forward_model
 from contactsense.localization.intrinsic_contact import centroid_covariance
-from contactsense.runtime.sample_blocks import SampleBlock
+from contactsense.sample_blocks import SampleBlock
 from contactsense.solvers import Box, Status, solve
 from tests.plain_arm import contacts, plain_ur5e
 

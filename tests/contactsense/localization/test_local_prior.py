@@ -7,9 +7,9 @@ from contactsense import Scene, robots
 from contactsense.localization.local_prior import DeviationCells, nearest_cell, prior_in_cell
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.convex_primitives import project
-from contactsense.runtime.constants import build_constants
-from contactsense.runtime.deviation_cells import LEAST_OFFSET, LONG_TAILS, deviation_cells
-from contactsense.runtime.scene_surfaces import scene_surfaces
+from contactsense.scene_model.constants import build_constants
+from contactsense.scene_model.deviation_cells import LEAST_OFFSET, LONG_TAILS, deviation_cells
+from contactsense.scene_model.scene_surfaces import scene_surfaces
 from contactsense.solvers.posterior.contact_prior import Prior
 
 

@@ -13,7 +13,7 @@ from contactsense.robots.decomposition.local_deviation import MOVED_CELL
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.convex_primitives import project
 from contactsense.runtime.buffers import Buffers, buffer_views
-from contactsense.runtime.constants import Constants, build_constants
+from contactsense.scene_model.constants import Constants, build_constants
 
 COARSE = Scene(robot="ur5e", detail="coarse")
 

@@ -10,9 +10,9 @@ from contactsense.localization.local_prior import nearest_cell
 from contactsense.localization.mean_surface_distance import mean_surface_distance
 from contactsense.localization.primitive_frames import place_primitives
 from contactsense.robots.surface.convex_primitives import project
-from contactsense.runtime.constants import Constants, build_constants
-from contactsense.runtime.deviation_cells import CELL_RADIUS
 from contactsense.runtime.state import empty_state
+from contactsense.scene_model.constants import Constants, build_constants
+from contactsense.scene_model.deviation_cells import CELL_RADIUS
 
 HEIGHTS = (0.0, 0.003, 0.006)
 """Of points above the mean surface [m]."""

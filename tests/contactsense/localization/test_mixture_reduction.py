@@ -12,8 +12,8 @@ from contactsense.kinematics.model import empty_motion
 from contactsense.localization.candidate_buffers import Candidates
 from contactsense.localization.mixture_reduction import SIGNIFICANT_DISTANCE, merge_overlapping
 from contactsense.readings import forward_model
-from contactsense.runtime.constants import build_constants
 from contactsense.runtime.state import empty_state
+from contactsense.scene_model.constants import build_constants
 
 CONSTANTS = build_constants(Scene(robot="ur5e"))
 LINK = CONSTANTS.surfaces.link

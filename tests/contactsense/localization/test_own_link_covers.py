@@ -14,8 +14,8 @@ from contactsense.readings import forward_model
 from contactsense.robots.primitives import Box
 from contactsense.robots.surface.union import distances
 from contactsense.robots.surroundings import Body
-from contactsense.runtime.constants import Constants, build_constants
 from contactsense.runtime.state import State, empty_state
+from contactsense.scene_model.constants import Constants, build_constants
 from tests.plain_arm import plain_ur5e
 
 PENETRATION = 1e-3

@@ -12,7 +12,7 @@ from contactsense.readings import forward_model
 from contactsense.robots import load
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.convex_primitives import pack
-from contactsense.runtime.constants import build_constants
+from contactsense.scene_model.constants import build_constants
 
 SCENE = Scene(
     robot="ur5e",

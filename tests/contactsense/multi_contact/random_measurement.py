@@ -6,7 +6,7 @@ import numpy as np
 
 from contactsense import Scene
 from contactsense.multi_contact.buffers import MultiContactBuffers, empty_multi_contact_buffers
-from contactsense.runtime.constants import build_constants
+from contactsense.scene_model.constants import build_constants
 from tests.plain_arm import plain_ur5e
 
 ROWS = 12

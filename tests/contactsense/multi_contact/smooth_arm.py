@@ -18,8 +18,8 @@ from contactsense.multi_contact.measurement_rows import Variances, fill_measurem
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.primitives import Capsule, Ellipsoid, Primitive, Sphere
 from contactsense.robots.surface.convex_primitives import project
-from contactsense.runtime.constants import Constants
 from contactsense.runtime.state import State
+from contactsense.scene_model.constants import Constants
 from tests.plain_arm import plain_ur5e
 
 SHAPES: tuple[Primitive, ...] = (

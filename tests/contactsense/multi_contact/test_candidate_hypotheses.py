@@ -8,8 +8,8 @@ import pytest
 from contactsense import Scene
 from contactsense.multi_contact.candidate_hypotheses import candidate_hypotheses
 from contactsense.runtime.answer import COUNT
-from contactsense.runtime.constants import build_constants
 from contactsense.runtime.state import State, empty_state
+from contactsense.scene_model.constants import build_constants
 
 CONSTANTS = build_constants(Scene(robot="ur5e"))
 

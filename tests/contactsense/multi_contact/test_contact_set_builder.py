@@ -10,9 +10,9 @@ from contactsense.multi_contact.marginal_probabilities import (
     state_marginal_probabilities,
 )
 from contactsense.output.estimate_builder import EstimateBuilder
-from contactsense.runtime.constants import build_constants
 from contactsense.runtime.result_rows import COVARIANCE, LINK, POINT_BASE, PROBABILITY, WIDTH
 from contactsense.runtime.state import empty_state
+from contactsense.scene_model.constants import build_constants
 
 COUNTS = np.array([1, 2, 3, 2, 2])
 STATED = np.array([0.3, 0.25, 0.2, 0.15, 0.1])

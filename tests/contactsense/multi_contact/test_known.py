@@ -15,8 +15,8 @@ from contactsense.multi_contact.known_prior import fill_known_prior
 from contactsense.multi_contact.known_rows import Change
 from contactsense.multi_contact.set_evidence import known_evidence
 from contactsense.robots.primitives import Sphere
-from contactsense.runtime.constants import Constants, build_constants
 from contactsense.runtime.state import State, empty_state
+from contactsense.scene_model.constants import Constants, build_constants
 from tests.plain_arm import plain_ur5e
 
 RADIUS = 0.09

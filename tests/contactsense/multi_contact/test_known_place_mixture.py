@@ -19,9 +19,9 @@ from contactsense.multi_contact.stored_explanations import store_explanation
 from contactsense.robots import Link, Robot
 from contactsense.robots.primitives import Box, Primitive
 from contactsense.robots.vectors import Vector
-from contactsense.runtime.constants import Constants, build_constants
 from contactsense.runtime.state import empty_state
 from contactsense.scene import Scene
+from contactsense.scene_model.constants import Constants, build_constants
 from tests.plain_arm import plain_ur5e
 
 DEVIATION = 0.015

@@ -22,8 +22,8 @@ from contactsense.multi_contact.joint_layout import (
 from contactsense.multi_contact.stored_explanations import store_explanation
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.convex_primitives import project
-from contactsense.runtime.constants import build_constants
 from contactsense.runtime.state import empty_state
+from contactsense.scene_model.constants import build_constants
 
 LANE = 3
 

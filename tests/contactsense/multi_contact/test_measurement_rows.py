@@ -11,8 +11,8 @@ from contactsense.multi_contact.buffers import MultiContactBuffers, empty_multi_
 from contactsense.multi_contact.measurement_rows import Variances, fill_measurement_rows, rank_of
 from contactsense.robots.primitives import Capsule
 from contactsense.robots.tool import Tool
-from contactsense.runtime.constants import Constants
 from contactsense.runtime.state import State
+from contactsense.scene_model.constants import Constants
 from tests.plain_arm import plain_ur5e
 
 Q = np.array([0.3, -1.1, 1.4, -0.7, 0.9, 0.2])

@@ -6,9 +6,9 @@ import pytest
 from contactsense import Scene
 from contactsense.localization.mixture_reduction import SIGNIFICANT_DISTANCE, merge_overlapping
 from contactsense.multi_contact.set_reduction import merge_with_answer
-from contactsense.runtime.constants import build_constants
 from contactsense.runtime.result_rows import COVARIANCE, LINK, POINT_BASE, PRIMITIVE, PROBABILITY, WIDTH
 from contactsense.runtime.state import empty_state
+from contactsense.scene_model.constants import build_constants
 
 
 def _rows(

@@ -7,7 +7,7 @@ from contactsense import JointTorqueSensor, Localizer, Sample, Scene
 from contactsense.kinematics.inverse_dynamics import inverse_dynamics
 from contactsense.kinematics.model import build_model, empty_motion
 from contactsense.residuals.joint_friction import friction_torque, joint_torque_model, unmodelled_torque_std
-from contactsense.runtime.constants import build_constants
+from contactsense.scene_model.constants import build_constants
 from contactsense.sensors.settings import Friction
 from tests.plain_arm import plain_ur5e
 

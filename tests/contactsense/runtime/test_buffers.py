@@ -13,8 +13,8 @@ from contactsense.robots.jit.kernel import generated_kernel, kernel
 from contactsense.robots.primitives import Sphere
 from contactsense.robots.tool import Tool
 from contactsense.runtime.buffers import SIZES, KernelBuffers, buffer_views
-from contactsense.runtime.constants import Constants, build_constants
 from contactsense.runtime.state import State, empty_state
+from contactsense.scene_model.constants import Constants, build_constants
 from tests.plain_arm import plain_ur5e
 
 MOST_AXES = 3

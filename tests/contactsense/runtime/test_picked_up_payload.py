@@ -7,7 +7,7 @@ from contactsense import JointTorqueSensor, Localizer, Sample, Scene, WrenchSens
 from contactsense.kinematics.inverse_dynamics import inverse_dynamics
 from contactsense.kinematics.model import build_model, empty_motion
 from contactsense.robots.tool import Tool
-from contactsense.runtime.arm_model import model_with_tool
+from contactsense.scene_model.arm_model import model_with_tool
 from tests.plain_arm import plain_ur5e
 
 ARM = plain_ur5e()

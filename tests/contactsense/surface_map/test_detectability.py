@@ -12,7 +12,7 @@ from contactsense.detection.thresholds import SampleThresholds
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import empty_motion
 from contactsense.robots import load
-from contactsense.runtime.constants import build_constants
+from contactsense.scene_model.constants import build_constants
 from contactsense.surface_map.place_error import place_covariance, radius_of_share
 from contactsense.surface_map.places import touchable_places
 from contactsense.surface_map.sensor_response import sensor_response

@@ -8,7 +8,7 @@ from contactsense.benchmarks.accuracy.surface_map import scene_of
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import empty_motion
 from contactsense.localization.ranking import LINE_OF_ACTION_DEVIATION
-from contactsense.runtime.constants import build_constants
+from contactsense.scene_model.constants import build_constants
 from contactsense.solvers.posterior.contact_prior import STUDENT_DOF
 from contactsense.surface_map.cell_evidence import cell_evidence, posterior
 from contactsense.surface_map.expected_answers import expected_answers

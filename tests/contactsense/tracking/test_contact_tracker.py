@@ -15,7 +15,7 @@ from contactsense.kinematics.momenta import kinematics_and_momenta
 from contactsense.residuals.observers import Observers, first_torque
 from contactsense.residuals.residual_ewma import ResidualEwma
 from contactsense.robots.jit.flat_buffers import zeros
-from contactsense.runtime.constants import build_constants
+from contactsense.scene_model.constants import build_constants
 from contactsense.tracking.contact_track import WINDOWS, ContactTrack
 from contactsense.tracking.contact_tracker import _position_covariance, _window_positions, choose_window
 from contactsense.tracking.window_averages import average_windows, restart_windows

@@ -12,7 +12,7 @@ import pyarrow.parquet as pa_parquet
 import pytest
 
 from contactsense import Localizer, Scene
-from contactsense.runtime.stream_start import FROM_START
+from contactsense.plausibility.stream_start import FROM_START
 from contactsense.service.analysis import Analysis, ForceLimits, LimitsError, analyze
 from contactsense.service.analysis.contact_table import SCHEMA, write_contacts
 from contactsense.service.analysis.health import health, warning
@@ -20,7 +20,7 @@ from contactsense.service.analysis.summarize import Summarizer
 from contactsense.service.mock.script import Script
 from contactsense.service.mock.simulated_arm import simulate
 from contactsense.service.recordings import Recording, read
-from tests.contactsense.runtime.test_stream_start import RIGHT, stream
+from tests.contactsense.plausibility.test_stream_start import RIGHT, stream
 from tests.service.analysis.recordings import demo, write_motion
 
 SCENE = Scene(robot="ur5e")

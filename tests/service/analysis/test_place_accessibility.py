@@ -8,7 +8,7 @@ import pytest
 from contactsense import Scene
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import build_model, empty_motion
-from contactsense.runtime.constants import build_constants
+from contactsense.scene_model.constants import build_constants
 from contactsense.service.analysis.place_accessibility import log_accessible_share
 from tests.plain_arm import plain_ur5e
 

@@ -9,7 +9,7 @@ import pytest
 
 from contactsense import Localizer, SampleBlock
 from contactsense.runtime.result_rows import FORCE
-from contactsense.runtime.sample_blocks import BlockEstimates
+from contactsense.sample_blocks import BlockEstimates
 from contactsense.sensors.stream_state import SETTLING_PERIODS
 from contactsense.service.analysis import Analysis, analyze
 from contactsense.service.analysis.contact_history import ContactCollector, ContactHistory

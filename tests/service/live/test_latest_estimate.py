@@ -2,7 +2,7 @@
 
 import json
 
-from contactsense.runtime.stream_start import FROM_START
+from contactsense.plausibility.stream_start import FROM_START
 from contactsense.service.live.latest_estimate import LONE, LatestEstimate
 
 

@@ -5,9 +5,9 @@ import pytest
 
 from contactsense.robots.primitives import Sphere
 from contactsense.robots.tool import Tool
-from contactsense.runtime.link_sensor_frame import LinkSensorFrame
-from contactsense.runtime.wrench_map import WrenchMap
 from contactsense.scene import JointTorqueSensor, LinkWrenchSensor, Scene, WrenchSensor
+from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
+from contactsense.scene_model.wrench_map import WrenchMap
 from contactsense.sensors.settings import Friction
 from contactsense.service.mock.cell import Cell
 from contactsense.service.mock.live_controller import LiveController

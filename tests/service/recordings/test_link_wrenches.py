@@ -8,7 +8,7 @@ import pytest
 
 from contactsense import LinkWrenchSensor, Sample, Scene, WrenchSensor
 from contactsense.robots.link_poses import link_poses
-from contactsense.runtime.link_sensor_frame import LinkSensorFrame
+from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
 from contactsense.service.recordings import ColumnMapping, RecordingError, RecordingFile, read
 from contactsense.service.recordings.export import export, write_columns
 from contactsense.service.recordings.recorder import Recorder

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from contactsense import Localizer, Sample, Scene
-from contactsense.runtime.wrench_map import WrenchMap
+from contactsense.scene_model.wrench_map import WrenchMap
 from contactsense.service.recordings import (
     RecordingError,
     RecordingFile,

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from contactsense import JointTorqueSensor, Scene, WrenchSensor
+from contactsense.plausibility.largest_reading import largest_reading_at_rest
 from contactsense.robots.robot import NO_MASS
 from contactsense.robots.tool import Tool
-from contactsense.runtime.largest_reading import largest_reading_at_rest
-from contactsense.runtime.weight import ArmWeight
+from contactsense.scene_model.arm_weight import ArmWeight
 from contactsense.sensors.settings import LinkInertia
 from contactsense.service.drawing.palette import link_colour, rgb
 from contactsense.service.drawing.posture import usual_posture

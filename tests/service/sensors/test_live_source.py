@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from contactsense.robots.tool import Tool
-from contactsense.runtime.wrench_map import WrenchMap
 from contactsense.scene import JointTorqueSensor, LinkWrenchSensor, Scene, WrenchSensor
+from contactsense.scene_model.wrench_map import WrenchMap
 from contactsense.service.mock.cell import TORQUE_CONSTANTS
 from contactsense.service.mock.controller import Controller
 from contactsense.service.mock.netft_server import NetFtServer

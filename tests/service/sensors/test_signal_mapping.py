@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from contactsense.runtime.wrench_map import WrenchMap
 from contactsense.scene import JointTorqueSensor, Scene, WrenchSensor
+from contactsense.scene_model.wrench_map import WrenchMap
 from contactsense.service.sensors.robot_stream import SensorError
 from contactsense.service.sensors.signal_mapping import TorqueMap
 

@@ -10,8 +10,8 @@ import pytest
 
 from contactsense import Localizer, Sample, Scene
 from contactsense.robots.tool import Tool
-from contactsense.runtime.link_sensor_frame import LinkSensorFrame
 from contactsense.scene import LinkWrenchSensor, WrenchSensor
+from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
 from contactsense.service.mock.servers import MockServers, MockSettings
 from contactsense.service.sensors.live_source import LiveSource, SourceSettings
 from contactsense.service.sensors.network_wrench import WrenchSource

@@ -7,12 +7,12 @@ from scipy.optimize import Bounds, minimize
 
 from contactsense.kinematics.inverse_dynamics import inverse_dynamics
 from contactsense.kinematics.model import Model, empty_motion
-from contactsense.runtime.arm_model import model_with_tool
-from contactsense.runtime.link_sensor_frame import LinkSensorFrame
-from contactsense.runtime.link_sensors import mounts
-from contactsense.runtime.weight import ArmWeight
-from contactsense.runtime.wrench_map import WrenchMap
 from contactsense.scene import Scene
+from contactsense.scene_model.arm_model import model_with_tool
+from contactsense.scene_model.arm_weight import ArmWeight
+from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
+from contactsense.scene_model.link_sensors import mounts
+from contactsense.scene_model.wrench_map import WrenchMap
 from contactsense.sensors.settings import WrenchSensor
 
 RAMP_TIME = 0.5

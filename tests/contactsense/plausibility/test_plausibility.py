@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from contactsense import Localizer, Scene, WrenchSensor, forward_model
+from contactsense.plausibility.plausible_limits import PlausibleLimits
 from contactsense.robots.tool import Tool
-from contactsense.runtime.plausibility import PlausibleLimits
-from contactsense.runtime.weight import ArmWeight
+from contactsense.scene_model.arm_weight import ArmWeight
 from tests.plain_arm import contacts, plain_ur5e
 
 ARM = plain_ur5e()

@@ -1,5 +1,5 @@
 """Limits of readings as the kernels test them: a test that ordinary readings pass, in the time of a few
-comparisons. What does not pass is checked by `contactsense.runtime.plausibility`, which says what is
+comparisons. What does not pass is checked by `contactsense.plausibility.plausible_limits`, which says what is
 wrong."""
 
 import math

@@ -6,8 +6,8 @@ import numpy as np
 
 from contactsense.localization.none_of_these import LeftOutLinks
 from contactsense.localization.surface_samples import surface_patches
-from contactsense.runtime.scene_surfaces import scene_surfaces, touchable_links
 from contactsense.scene import Scene
+from contactsense.scene_model.scene_surfaces import scene_surfaces, touchable_links
 
 
 class UnsearchedSurfaces(NamedTuple):

@@ -17,14 +17,14 @@ from contactsense.localization.surface_samples import SurfaceSamples, SurfaceSub
 from contactsense.residuals.joint_friction import JointTorqueModel, joint_torque_model
 from contactsense.robots.jit.declaration import Floats, Integers
 from contactsense.robots.surface.convex_primitives import Surfaces
-from contactsense.runtime.arm_model import model_with_tool
-from contactsense.runtime.deviation_cells import deviation_cells
-from contactsense.runtime.left_out_links import left_out_links, unsearched_surfaces
-from contactsense.runtime.link_prior import area_share, link_probability, log_link_density
-from contactsense.runtime.link_sensors import LinkSensors, link_sensors, mounts
-from contactsense.runtime.reading_limits import ReadingLimits, reading_limits
-from contactsense.runtime.scene_surfaces import scene_surfaces, touchable_links
 from contactsense.scene import Scene
+from contactsense.scene_model.arm_model import model_with_tool
+from contactsense.scene_model.deviation_cells import deviation_cells
+from contactsense.scene_model.left_out_links import left_out_links, unsearched_surfaces
+from contactsense.scene_model.link_prior import area_share, link_probability, log_link_density
+from contactsense.scene_model.link_sensors import LinkSensors, link_sensors, mounts
+from contactsense.scene_model.reading_limits import ReadingLimits, reading_limits
+from contactsense.scene_model.scene_surfaces import scene_surfaces, touchable_links
 from contactsense.sensors.settings import JointTorqueSensor, WrenchSensor, per_joint
 from contactsense.solvers.posterior.contact_prior import Prior
 

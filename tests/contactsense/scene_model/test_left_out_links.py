@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from contactsense import Scene
-from contactsense.runtime.constants import build_constants
-from contactsense.runtime.left_out_links import unsearched_surfaces
-from contactsense.runtime.link_prior import area_share
+from contactsense.scene_model.constants import build_constants
+from contactsense.scene_model.left_out_links import unsearched_surfaces
+from contactsense.scene_model.link_prior import area_share
 
 KEPT = ("forearm", "wrist_1", "wrist_2", "wrist_3")
 WHOLE = build_constants(Scene(robot="ur5e"))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from contactsense import WrenchSensor
-from contactsense.runtime.wrench_map import WrenchMap
+from contactsense.scene_model.wrench_map import WrenchMap
 
 BIAS = (1.0, 2.0, 3.0, 0.1, 0.2, 0.3)
 

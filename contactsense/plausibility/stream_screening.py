@@ -6,8 +6,8 @@ from math import dist, hypot
 
 import numpy as np
 
-from contactsense.runtime.plausibility import Implausible, PlausibleLimits, in_words
-from contactsense.runtime.sample_blocks import SampleBlock
+from contactsense.plausibility.plausible_limits import Implausible, PlausibleLimits, in_words
+from contactsense.sample_blocks import SampleBlock
 from contactsense.scene import Scene
 from contactsense.sensors.link_values import by_field, with_values
 from contactsense.types import Sample
@@ -44,7 +44,7 @@ class StreamScreening:
         """Field -> why it was removed from a sample of this stream for the first time."""
         self.by_kernel = False
         """Whether the kernel's own test of a sample is enough, see
-        `contactsense.runtime.reading_limits`; at the start of a stream, while the weight is compared, it
+        `contactsense.scene_model.reading_limits`; at the start of a stream, while the weight is compared, it
         is not."""
         self.reset()
 

@@ -4,10 +4,10 @@ import numpy as np
 
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import empty_motion
-from contactsense.runtime.arm_model import model_with_tool
-from contactsense.runtime.link_sensor_frame import load_kinematics
-from contactsense.runtime.link_sensors import mounts
 from contactsense.scene import Scene
+from contactsense.scene_model.arm_model import model_with_tool
+from contactsense.scene_model.link_sensor_frame import load_kinematics
+from contactsense.scene_model.link_sensors import mounts
 
 
 class LoadWeight:

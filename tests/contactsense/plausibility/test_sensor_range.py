@@ -7,16 +7,16 @@ import pytest
 
 from contactsense import Localizer, Sample, SampleBlock, Scene, WrenchSensor, forward_model
 from contactsense.benchmarks.calibration.simulate import arm_of
-from contactsense.robots.link_poses import link_poses
-from contactsense.robots.tool import Tool
-from contactsense.runtime.largest_reading import (
+from contactsense.plausibility.largest_reading import (
     RAMP_TIME,
     largest_reading_at_rest,
     largest_reading_in_motion,
 )
-from contactsense.runtime.link_sensor_frame import LinkSensorFrame
-from contactsense.runtime.load_weight import LoadWeight
-from contactsense.runtime.wrench_map import WrenchMap
+from contactsense.robots.link_poses import link_poses
+from contactsense.robots.tool import Tool
+from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
+from contactsense.scene_model.load_weight import LoadWeight
+from contactsense.scene_model.wrench_map import WrenchMap
 from contactsense.sensors.settings import LinkInertia
 from contactsense.sensors.stream_state import INVALID
 from contactsense.service.mock.newton_euler import inverse_dynamics

@@ -7,9 +7,11 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense.kinematics.wrench_transform import wrench_transform
-from contactsense.runtime.link_sensor_frame import LinkSensorFrame
-from contactsense.runtime.load_weight import LoadWeight
-from contactsense.runtime.reading_limits import (
+from contactsense.scene import Scene
+from contactsense.scene_model.arm_weight import ArmWeight
+from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
+from contactsense.scene_model.load_weight import LoadWeight
+from contactsense.scene_model.reading_limits import (
     LARGEST_FORCE,
     LARGEST_MOMENT,
     ROUNDING,
@@ -17,8 +19,6 @@ from contactsense.runtime.reading_limits import (
     TORQUE_SCALE,
     reading_limits,
 )
-from contactsense.runtime.weight import ArmWeight
-from contactsense.scene import Scene
 from contactsense.sensors.settings import WrenchSensor
 
 _WEIGHT_LEVER = 0.5

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from contactsense import Scene, WrenchSensor
+from contactsense.plausibility.plausible_limits import PlausibleLimits
 from contactsense.robots.jit.kernel import kernel
-from contactsense.runtime.constants import build_constants
-from contactsense.runtime.plausibility import PlausibleLimits
-from contactsense.runtime.reading_limits import ReadingLimits, is_base_plausible, is_sample_plausible
-from contactsense.runtime.weight import ArmWeight
+from contactsense.scene_model.arm_weight import ArmWeight
+from contactsense.scene_model.constants import build_constants
+from contactsense.scene_model.reading_limits import ReadingLimits, is_base_plausible, is_sample_plausible
 from tests.plain_arm import plain_ur5e
 
 ARM = plain_ur5e()

@@ -5,8 +5,8 @@ import numpy as np
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import Model, Motion, build_model, empty_motion
 from contactsense.kinematics.wrench_transform import wrench_transform
-from contactsense.runtime.link_sensors import mounts
 from contactsense.scene import Scene
+from contactsense.scene_model.link_sensors import mounts
 
 
 class LinkSensorFrame:

@@ -5,8 +5,8 @@ import numpy as np
 from contactsense.kinematics.model import Model, build_model
 from contactsense.robots import Link, Robot
 from contactsense.robots.tool import join_inertia
-from contactsense.runtime.link_sensors import tool_in_last_link
 from contactsense.scene import Scene
+from contactsense.scene_model.link_sensors import tool_in_last_link
 
 
 def model_with_tool(scene: Scene) -> Model:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from contactsense import Estimate, Localizer, Sample, SampleBlock, Scene, forward_model
-from contactsense.runtime.stream_start import FROM_START, StreamStart
+from contactsense.plausibility.stream_start import FROM_START, StreamStart
 from contactsense.sensors.stream_state import MISSING, TOUCHED
 from tests.plain_arm import plain_ur5e
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from contactsense import Estimate, Localizer, Sample, SampleBlock, Scene, WrenchSensor, forward_model
+from contactsense.plausibility.plausible_limits import PlausibleLimits
+from contactsense.plausibility.stream_screening import StreamScreening
 from contactsense.robots.tool import Tool
-from contactsense.runtime.plausibility import PlausibleLimits
-from contactsense.runtime.stream_screening import StreamScreening
 from contactsense.sensors.stream_state import INVALID, MISSING, UNUSABLE
 from tests.plain_arm import plain_ur5e
 

@@ -3,8 +3,8 @@
 import numpy as np
 
 from contactsense.robots.link_poses import link_poses
-from contactsense.runtime.arm_model import model_with_tool
 from contactsense.scene import Scene
+from contactsense.scene_model.arm_model import model_with_tool
 
 
 class ArmWeight:

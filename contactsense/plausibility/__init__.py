@@ -1,0 +1,1 @@
+"""Which readings are implausible, and which scenes in doubt, in words."""
