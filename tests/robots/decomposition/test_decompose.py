@@ -123,6 +123,18 @@ def test_samples_of_primitives_lie_on_them_evenly(
     assert len(exposed_surface(body, 4000, rng)) > 0.9 * len(points)
 
 
+@pytest.mark.parametrize(("across", "along"), [(0.03, 0.12), (0.1, 0.03)])
+def test_samples_of_an_ellipsoid_are_even_by_area(across: float, along: float) -> None:
+    """Against the area between two heights of a body of revolution, by quadrature."""
+    z = np.linspace(-along, along, 20001)
+    density = np.sqrt(1.0 - (z / along) ** 2 * (1.0 - (across / along) ** 2))
+    share = density[np.abs(z) < 0.8 * along].sum() / density.sum()
+    size = np.array([across, across, along, 0.0, 0.0, 0.0, 0.0, 0.0])
+    points, _ = surface_points(ELLIPSOID, size, 20000, np.random.default_rng(0))
+    found = float(np.mean(np.abs(points[:, 2]) < 0.8 * along))
+    assert found == pytest.approx(share, abs=4.0 * np.sqrt(share * (1.0 - share) / len(points)))
+
+
 @pytest.mark.slow
 def test_a_limit_in_all_is_kept_where_it_costs_least(bar: tuple[Fit, ...]) -> None:
     assert choose([bar, bar], 0.0015) == [1, 1]
