@@ -1,7 +1,8 @@
 """The samples of an active contact, until it ends and cannot resume any more."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +13,12 @@ from contactsense.tracking.contact_track import NONE
 
 MAX_SAMPLES = 30_000
 """A longer history keeps only every other sample, so that memory is bounded."""
+_OF_SAMPLES = (
+    "row", "phase", "energy", "usable", "base_wrench", "base_wrench_std", "joint_torque", "joint_torque_std",
+)  # fmt: skip
+"""Arrays of a history with a row for each sample."""
+_OF_EXPLANATIONS = "rows", "link_probability"
+"""Those with a row for each explanation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,44 +178,27 @@ class ContactCollector:
 
 def _join(parts: list[ContactHistory], complete: bool) -> ContactHistory:
     offsets = np.concatenate(([0], np.cumsum([len(part.row) for part in parts])))
-
-    def stack(name: str) -> np.ndarray:
-        return np.concatenate([getattr(part, name) for part in parts])
-
-    return ContactHistory(
-        contact=parts[0].contact,
-        row=stack("row"),
+    arrays: dict[str, Any] = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name in (*_OF_SAMPLES, *_OF_EXPLANATIONS)
+    }
+    return replace(
+        parts[0],
         block=SampleBlock.joined([part.block for part in parts]),
-        phase=stack("phase"),
-        energy=stack("energy"),
-        usable=stack("usable"),
-        base_wrench=stack("base_wrench"),
-        base_wrench_std=stack("base_wrench_std"),
-        joint_torque=stack("joint_torque"),
-        joint_torque_std=stack("joint_torque_std"),
         sample=np.concatenate([part.sample + offsets[i] for i, part in enumerate(parts)]),
-        rows=stack("rows"),
-        link_probability=stack("link_probability"),
         complete=complete,
+        **arrays,
     )
 
 
 def _taken(history: ContactHistory, kept: np.ndarray) -> ContactHistory:
     """Some of the samples; `kept`: which, ascending."""
     explained = np.flatnonzero(np.isin(history.sample, kept))
-    return ContactHistory(
-        contact=history.contact,
-        row=history.row[kept],
+    arrays: dict[str, Any] = {name: getattr(history, name)[kept] for name in _OF_SAMPLES}
+    arrays |= {name: getattr(history, name)[explained] for name in _OF_EXPLANATIONS}
+    return replace(
+        history,
         block=history.block[kept],
-        phase=history.phase[kept],
-        energy=history.energy[kept],
-        usable=history.usable[kept],
-        base_wrench=history.base_wrench[kept],
-        base_wrench_std=history.base_wrench_std[kept],
-        joint_torque=history.joint_torque[kept],
-        joint_torque_std=history.joint_torque_std[kept],
         sample=np.searchsorted(kept, history.sample[explained]),
-        rows=history.rows[explained],
-        link_probability=history.link_probability[explained],
-        complete=history.complete,
+        **arrays,
     )

@@ -34,7 +34,8 @@ STEADY = 0.9
 LEAST_ROWS = 25
 """Rows in each direction that a fit needs: half a second."""
 HUBER, ITERATIONS = 1.345, 20
-"""Residuals of the fit beyond this number of standard deviations are outliers; steps of the iteration."""
+"""Residuals of the fit beyond this number of standard deviations are outliers: that of 95 % efficiency if the
+noise is normal (P. J. Huber, "Robust Statistics", 1981). Steps of the iteration."""
 _UNUSED = REPEATED | UNUSABLE | SETTLING | (MISSING | INVALID | UNSETTLED) << 1
 
 
