@@ -19,6 +19,9 @@ truth_folder = click.argument("folder", type=FOLDER)
 robots = click.option(
     "--robot", "robots", multiple=True, default=("ur5e", "ur10e"), help="Arm; may be repeated."
 )
+truth_robots = click.option(
+    "--robot", "robots", multiple=True, help="Arm; may be repeated.  [default: all in FOLDER]"
+)
 sensor_sets = click.option(
     "--sensors",
     "kinds",

@@ -1,6 +1,7 @@
 """The arms included in this package, and robots from files."""
 
 import functools
+from collections.abc import Iterable
 from importlib import resources
 from pathlib import Path
 
@@ -21,12 +22,17 @@ the controller permits (config/ur7e and config/ur12e of Universal_Robots_ROS2_De
 def names() -> tuple[str, ...]:
     """Names of the arms in the library, in the order of their numbers."""
     paths = (path for path in _folder().glob("*.yaml") if not path.name.endswith(".surface.yaml"))
-    return tuple(sorted((path.stem for path in paths), key=_number))
+    return sorted_by_number(path.stem for path in paths)
 
 
 def known_names() -> tuple[str, ...]:
     """All names that `load` knows: `names` and the models that are one of these arms."""
-    return tuple(sorted((*names(), *EQUIVALENT_MODELS), key=_number))
+    return sorted_by_number((*names(), *EQUIVALENT_MODELS))
+
+
+def sorted_by_number(arms: Iterable[str]) -> tuple[str, ...]:
+    """Names of arms in the order of their numbers: ur5e before ur10."""
+    return tuple(sorted(arms, key=lambda name: (int("".join(filter(str.isdigit, name)) or 0), name)))
 
 
 def load(name: str | Path) -> Robot:
@@ -101,11 +107,6 @@ def in_library(robot: Robot) -> bool:
 def surface_file(name: str) -> Path:
     """Path of the surface file of an arm in the library."""
     return _folder() / f"{name}.surface.yaml"
-
-
-def _number(name: str) -> tuple[int, str]:
-    """The key that sorts ur5e before ur10."""
-    return int("".join(filter(str.isdigit, name)) or 0), name
 
 
 def _folder() -> Path:

@@ -33,6 +33,7 @@ from contactsense.benchmarks.accuracy.static_cases import (
     stated_noise,
 )
 from contactsense.benchmarks.accuracy.static_points import HALVES, StaticPoints, read, select
+from contactsense.benchmarks.truth_arms import static_arms
 from contactsense.scene import LinkPrior
 
 NEAR = 0.02
@@ -68,7 +69,7 @@ class Verdict(NamedTuple):
 
 @click.command()
 @options.truth_folder
-@options.robots
+@options.truth_robots
 @options.sensor_sets
 @options.detail
 @options.meshes
@@ -101,8 +102,8 @@ def calibration(
     """
     if detail == "skin" and meshes is None:
         raise click.UsageError("--detail skin needs --meshes")
-    points = {robot: select(read(folder, robot), HALVES[half]) for robot in robots}
-    cases = [(robot, kind, noise) for robot in robots for kind in kinds for noise in COLUMNS]
+    points = {robot: select(read(folder, robot), HALVES[half]) for robot in static_arms(folder, robots)}
+    cases = [(robot, kind, noise) for robot in points for kind in kinds for noise in COLUMNS]
     results = [
         summarize(robot, kind, noise, judge(points[robot], noise, kind, detail, meshes, link_prior))
         for robot, kind, noise in track(

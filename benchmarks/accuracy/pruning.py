@@ -15,6 +15,7 @@ from contactsense import Localizer
 from contactsense.benchmarks import options
 from contactsense.benchmarks.accuracy.static_cases import COLUMNS, Noise, measured, scene_of
 from contactsense.benchmarks.accuracy.static_points import HALVES, StaticPoints, read, select
+from contactsense.benchmarks.truth_arms import static_arms
 
 ROUNDS = 3
 """Both scenes answer each contact this many times in turn; the fastest answer counts."""
@@ -24,7 +25,7 @@ CERTAIN = 0.95
 
 @click.command()
 @options.truth_folder
-@options.robots
+@options.truth_robots
 @click.option(
     "--keep",
     multiple=True,
@@ -40,7 +41,8 @@ def pruning(folder: Path, robots: tuple[str, ...], keep: tuple[str, ...], half: 
     Time: of the pruned scene over that of the whole one, on the same contacts in turn. Misattributed: a
     touch on a link left out is called one on a kept link, with a probability above 0.95.
     """
-    cases = [(select(read(folder, robot), HALVES[half]), noise) for robot in robots for noise in COLUMNS]
+    contacts = [select(read(folder, robot), HALVES[half]) for robot in static_arms(folder, robots)]
+    cases = [(points, noise) for points in contacts for noise in COLUMNS]
     shown = track(cases, description="locating", console=Console(stderr=True), transient=True)
     results = [measure(points, noise, keep) for points, noise in shown]
     if as_json:

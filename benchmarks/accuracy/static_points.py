@@ -1,5 +1,6 @@
 """Reading the static ground truth: one contact per sample on an arm at rest."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -43,21 +44,32 @@ def read(folder: Path, robot: str) -> StaticPoints:
     Raises:
         click.ClickException: the file is missing, unreadable or lacks an array; the message names it.
     """
+    found = read_arrays(folder, robot, (*_ARRAYS.values(), "gravity"))
+    gravity = float(np.linalg.norm(found["gravity"]))
+    arrays = {field: found[name] for field, name in _ARRAYS.items()}
+    arrays["link"] = arrays["link"].astype(np.int64)
+    floats = {field: array.astype(np.float64) for field, array in arrays.items() if field != "link"}
+    return StaticPoints(robot=robot, gravity=gravity, link=arrays["link"], **floats)
+
+
+def read_arrays(folder: Path, robot: str, names: Sequence[str]) -> dict[str, np.ndarray]:
+    """Arrays of `static_points_ROBOT.npz` in `folder` by their names in the file; docs/ground_truth.md lists
+    them.
+
+    Raises:
+        click.ClickException: as for `read`.
+    """
     path = folder / f"static_points_{robot}.npz"
     try:
         with np.load(path) as file:
-            missing = [name for name in (*_ARRAYS.values(), "gravity") if name not in file]
+            missing = [name for name in names if name not in file]
             if missing:
                 raise click.ClickException(
                     f"{path}: expected the array {missing[0]!r}, found {', '.join(file.files)}"
                 )
-            arrays = {field: np.asarray(file[name]) for field, name in _ARRAYS.items()}
-            gravity = float(np.linalg.norm(file["gravity"]))
+            return {name: np.asarray(file[name]) for name in names}
     except (OSError, ValueError) as error:
         raise click.ClickException(f"{path}: cannot read ground truth: {error}") from None
-    arrays["link"] = arrays["link"].astype(np.int64)
-    floats = {field: array.astype(np.float64) for field, array in arrays.items() if field != "link"}
-    return StaticPoints(robot=robot, gravity=gravity, link=arrays["link"], **floats)
 
 
 def select(points: StaticPoints, rows: slice | np.ndarray) -> StaticPoints:

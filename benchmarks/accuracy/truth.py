@@ -17,6 +17,7 @@ from contactsense import Localizer
 from contactsense.benchmarks import options
 from contactsense.benchmarks.accuracy.static_cases import COLUMNS, SENSORS, Detail, Noise, measured, scene_of
 from contactsense.benchmarks.accuracy.static_points import StaticPoints, read
+from contactsense.benchmarks.truth_arms import static_arms
 from contactsense.output.batch import Batch
 from contactsense.static_localizer import Method
 
@@ -26,7 +27,7 @@ LISTED_WITHIN = 0.02
 
 @click.command()
 @options.truth_folder
-@options.robots
+@options.truth_robots
 @click.option(
     "--method",
     type=click.Choice(get_args(Method)),
@@ -58,7 +59,7 @@ def truth(
     """
     if detail == "skin" and meshes is None:
         raise click.UsageError("--detail skin needs --meshes")
-    cases = [(read(folder, robot), noise) for robot in robots for noise in COLUMNS]
+    cases = [(read(folder, robot), noise) for robot in static_arms(folder, robots) for noise in COLUMNS]
     results = [
         measure(points, noise, method, sensors, detail, meshes)
         for points, noise in track(

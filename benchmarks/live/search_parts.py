@@ -17,6 +17,7 @@ from contactsense import Localizer
 from contactsense.benchmarks import options
 from contactsense.benchmarks.accuracy.static_cases import COLUMNS, SENSORS, Noise, measured, scene_of
 from contactsense.benchmarks.accuracy.static_points import StaticPoints, read
+from contactsense.benchmarks.truth_arms import static_arms
 from contactsense.localization.line_distance import moment_variance
 from contactsense.localization.ranking import LINE_OF_ACTION_DEVIATION
 from contactsense.robots.jit.kernel import kernel
@@ -141,11 +142,11 @@ def table(parts: list[Parts]) -> Table:
 
 @click.command()
 @options.truth_folder
-@options.robots
+@options.truth_robots
 @options.as_json
 def main(folder: Path, robots: tuple[str, ...], as_json: bool) -> None:
     """Where the time of one answer goes, on the static contacts in FOLDER (static_points_ROBOT.npz)."""
-    contacts = [read(folder, robot) for robot in robots]
+    contacts = [read(folder, robot) for robot in static_arms(folder, robots)]
     cases = [(points, sensors, noise) for points in contacts for sensors in SENSORS for noise in COLUMNS]
     parts = [
         measure(points, noise, sensors)

@@ -24,11 +24,12 @@ from contactsense.benchmarks.motion.command import samples, scene_for
 from contactsense.benchmarks.motion.options import MODELS
 from contactsense.benchmarks.motion.score import AGES, samples_at_ages
 from contactsense.benchmarks.motion.streams import Stream, read, redrawn
+from contactsense.benchmarks.truth_arms import files_of
 
 
 @click.command("motion-calibration")
 @options.truth_folder
-@options.robots
+@options.truth_robots
 @motion_options.suites(("motion",))
 @motion_options.levels()
 @motion_options.model("exact")
@@ -48,14 +49,13 @@ def motion_calibration(
     motion, holds, slides and impacts alike. Columns as in `contactsense bench calibration`; region: of the
     contacts with an answer.
     """
+    streams = {pair: read(folder, *pair) for pair in files_of(folder, robots, suites)}
     rounds = [
         (name, suite, COLUMNS[level], wrong)
         for wrong in MODELS[model]
-        for name in robots
-        for suite in suites
+        for name, suite in streams
         for level in levels
     ]
-    streams = {(name, suite): read(folder, name, suite) for name in robots for suite in suites}
     results: list[Summary] = []
     for name, suite, noise, wrong in track(
         rounds, description="stepping", console=Console(stderr=True), transient=True

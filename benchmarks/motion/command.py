@@ -29,6 +29,7 @@ from contactsense.benchmarks.motion.model_error import (
 from contactsense.benchmarks.motion.options import MODELS
 from contactsense.benchmarks.motion.score import AGES, Answer, Score
 from contactsense.benchmarks.motion.streams import KINDS, SUITES, Stream, read, redrawn
+from contactsense.benchmarks.truth_arms import files_of
 from contactsense.residuals.momentum_observer import noise_variance_ratio
 from contactsense.sensors.settings import Friction
 from contactsense.service.cli.finite_range import FiniteRange
@@ -36,7 +37,7 @@ from contactsense.service.cli.finite_range import FiniteRange
 
 @click.command()
 @options.truth_folder
-@click.option("--robot", "names", multiple=True, default=("ur5e", "ur10e"), help="Arm; may be repeated.")
+@options.truth_robots
 @motion_options.suites(SUITES)
 @motion_options.levels()
 @motion_options.model("both")
@@ -55,7 +56,7 @@ from contactsense.service.cli.finite_range import FiniteRange
 @options.as_json
 def motion(
     folder: Path,
-    names: tuple[str, ...],
+    robots: tuple[str, ...],
     suites: tuple[str, ...],
     levels: tuple[int, ...],
     model: str,
@@ -71,12 +72,11 @@ def motion(
     fraction is printed next to them. Ratios are to the same contacts on an arm at rest: the true wrench of
     each sample with the noise that the observer leaves, located without a stream.
     """
-    streams = {(name, suite): read(folder, name, suite) for name in names for suite in suites}
+    streams = {pair: read(folder, *pair) for pair in files_of(folder, robots, suites)}
     rounds = [
         (name, suite, COLUMNS[level], wrong)
         for wrong in MODELS[model]
-        for name in names
-        for suite in suites
+        for name, suite in streams
         for level in levels
     ]
     results: list[dict[str, Any]] = []

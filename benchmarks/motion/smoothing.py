@@ -26,6 +26,7 @@ from contactsense.benchmarks.motion.options import MODELS
 from contactsense.benchmarks.motion.score import FORCE
 from contactsense.benchmarks.motion.smoothing_limit import smoothing_limit, true_path
 from contactsense.benchmarks.motion.streams import Stream, read, redrawn
+from contactsense.benchmarks.truth_arms import files_of
 from contactsense.runtime.result_rows import LINK, POINT_BASE
 from contactsense.scene import Scene
 from contactsense.scene_model.constants import build_constants
@@ -214,7 +215,7 @@ def _event(stream: Stream, row: int) -> tuple[int, str]:
 
 @click.command()
 @options.truth_folder
-@click.option("--robot", "names", multiple=True, default=("ur5e", "ur10e"), help="Arm; may be repeated.")
+@options.truth_robots
 @motion_options.suites(("motion",))
 @motion_options.levels((1, 2, 3))
 @motion_options.model("exact")
@@ -226,7 +227,7 @@ def _event(stream: Stream, row: int) -> tuple[int, str]:
 )  # fmt: skip
 @options.as_json
 def smoothing(
-    folder: Path, names: tuple[str, ...], suites: tuple[str, ...], levels: tuple[int, ...], model: str,
+    folder: Path, robots: tuple[str, ...], suites: tuple[str, ...], levels: tuple[int, ...], model: str,
     draws: int, torques_alone: bool, meshes: Path | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Compare the last live answer of each contact in FOLDER's ground truth with the whole contact's.
@@ -235,7 +236,8 @@ def smoothing(
     know everything but the place: the link, when the place moves, and the surface, as the scene knows it or
     as it is.
     """
-    streams = {(name, suite): read(folder, name, suite) for name in names for suite in suites}
+    streams = {pair: read(folder, *pair) for pair in files_of(folder, robots, suites)}
+    names = list(dict.fromkeys(name for name, _ in streams))
     rounds = [
         (suite, COLUMNS[level], wrong) for wrong in MODELS[model] for suite in suites for level in levels
     ]
@@ -244,7 +246,7 @@ def smoothing(
         rounds, description="smoothing", console=Console(stderr=True), transient=True
     ):
         found: list[Comparison] = []
-        for number, name in enumerate(names):
+        for number, name in enumerate(n for n in names if (n, suite) in streams):
             found += [
                 replace(c, event=(100 * number + c.event[0], c.event[1]))
                 for c in measure(

@@ -120,6 +120,12 @@ table apply to all tables below it.
             f"contactsense bench calibration {TRUTH} --brief --robot ur5e --sensors all --sensors base",
         ),
         Section(
+            "Where the primitives differ from the link",
+            """At edges, in pockets and on ribs the real normal is that of no primitive:
+[accuracy](accuracy.md#where-the-primitives-differ-from-the-link).""",
+            f"contactsense bench tilt {TRUTH} --robot ur3e --robot ur5e",
+        ),
+        Section(
             "Two contacts on a moving arm",
             "Pairs on different links, one sample per estimate: [several contacts](multi_contact.md).",
             f"contactsense bench several --robot ur5e --truth {TRUTH}",

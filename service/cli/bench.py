@@ -24,6 +24,7 @@ BENCHES = {
     "recordings": "contactsense.benchmarks.calibration.recordings:recordings",
     "touches": "contactsense.benchmarks.calibration.known_touches:touches",
     "geometry": "contactsense.benchmarks.accuracy.geometry:geometry",
+    "tilt": "contactsense.benchmarks.accuracy.tilt:tilt",
     "cells": "contactsense.benchmarks.accuracy.cells:cells",
     "franka": "contactsense.benchmarks.franka.command:franka",
     "map": "contactsense.benchmarks.accuracy.surface_map:surface_map",

@@ -51,7 +51,7 @@ def test_json_is_the_table_for_programs(tmp_path: Path) -> None:
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
-    done = CliRunner().invoke(truth, [str(tmp_path)])
+    done = CliRunner().invoke(truth, [str(tmp_path), "--robot", "ur5e"])
     assert done.exit_code == 1
     assert "static_points_ur5e.npz: cannot read ground truth" in done.output
 
