@@ -72,7 +72,7 @@ def search_along_line_of_action(
     Returns:
         Number of rows in `order`. The `score` of rejected rows is -infinity.
     """
-    lowest_bound = _bound_energies(surfaces, deviations, searched, hypotheses, prior, candidates)
+    lowest_bound = bound_energies(surfaces, deviations, searched, hypotheses, prior, candidates)
     best = math.inf, -math.inf
     count, begun = 0, 0
     # First the primitives that the line may well enter: they set a limit that excludes most of the others.
@@ -101,7 +101,7 @@ def search_along_line_of_action(
 
 
 @fused_kernel
-def _bound_energies(
+def bound_energies(
     surfaces: Surfaces,
     deviations: DeviationCells,
     searched: np.ndarray,

@@ -1,7 +1,8 @@
 """Ranking of all candidate contacts: link and place are decided together, "none of these" included.
 
 If the fused wrench determines a line of action, the search on each primitive starts where the line enters it
-(`contactsense.localization.line_of_action_search`). Otherwise the whole surface is searched
+(`contactsense.localization.line_of_action_search`); if that explains nothing, from many places near the line
+(`contactsense.localization.multistart_search`). Otherwise the whole surface is searched
 (`contactsense.localization.surface_search`). The candidates on all links compete by log evidence: fit of the
 torques and of the base wrench, prior of force and torsion, and the width of the posterior
 (`contactsense.solvers.posterior.equations`). So does "none of these": a wrench that is not caused
@@ -18,6 +19,7 @@ from contactsense.kinematics.model import Motion
 from contactsense.localization.candidate_buffers import Candidates
 from contactsense.localization.line_distance import moment_variance
 from contactsense.localization.line_of_action_search import search_along_line_of_action
+from contactsense.localization.multistart_search import search_from_samples
 from contactsense.localization.none_of_these import none_of_these_evidence
 from contactsense.localization.primitive_frames import place_primitives
 from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
@@ -34,6 +36,9 @@ ROUGH_SURFACE_FACTOR = 4.0
 """Factor on the surface deviation at ribs, steps and screw heads."""
 ROUGH_SURFACE_PROBABILITY = 0.1
 """Prior probability of a contact at such a place."""
+ATTEMPTS, FIRST_WITH_MANY_STARTS = 4, 2
+"""Number of attempts, with the usual and with a rough surface in turn; those from this one on are multi-start
+searches, and only made if the line of action is known."""
 
 
 @fused_kernel
@@ -84,32 +89,34 @@ def locate_contacts(
     if _is_hopeless(lowest_energy, 0.0, none_evidence):
         link_probability[:] = 0.0
         return 0
-    surface_deviation, log_share = prior.surface_deviation, 0.0
-    for _ in range(2):
+    count = 0
+    # Each attempt assumes or searches more than the one before, which has explained nothing.
+    for attempt in range(ATTEMPTS):
+        has_many_starts, is_rough = attempt >= FIRST_WITH_MANY_STARTS, attempt % 2 == 1
+        if has_many_starts and not line_of_action_known:
+            break
+        log_share = math.log(ROUGH_SURFACE_PROBABILITY) if is_rough else 0.0
+        if _is_hopeless(lowest_energy, log_share, none_evidence):
+            continue
+        surface_deviation = prior.surface_deviation * (ROUGH_SURFACE_FACTOR if is_rough else 1.0)
         assumed = with_surface(prior, prior.friction_ratio, surface_deviation)
+        competing_evidence = none_evidence - log_share
         if line_of_action_known:
+            cells.unassigned_evidence[:] = -math.inf
+        if has_many_starts:
+            count = search_from_samples(scene, searched, with_prior, assumed, arrays, competing_evidence)
+        elif line_of_action_known:
             count = search_along_line_of_action(
                 surfaces, scene.deviations, searched, with_prior, assumed, buffers, candidates,
-                none_evidence - log_share,
+                competing_evidence,
             )  # fmt: skip
-            cells.unassigned_evidence[:] = -math.inf
         else:
             count = search_surface(
-                scene, searched, motion, with_prior, wrench_measured, assumed, arrays,
-                none_evidence - log_share,
-            )  # fmt: skip
-        if _add_log_prior(candidates, count, cells.unassigned_evidence, log_share) >= none_evidence:
+                scene, searched, motion, with_prior, wrench_measured, assumed, arrays, competing_evidence
+            )
+        best = _add_log_prior(candidates, count, cells.unassigned_evidence, log_share)
+        if best >= none_evidence or is_touch_left_out:
             break
-        # Explained by a touch on a link that is left out.
-        if is_touch_left_out:
-            break
-        # Not explained with the usual surface deviation: assume a rough surface.
-        if _is_hopeless(lowest_energy, math.log(ROUGH_SURFACE_PROBABILITY), none_evidence):
-            break
-        surface_deviation, log_share = (
-            ROUGH_SURFACE_FACTOR * prior.surface_deviation,
-            math.log(ROUGH_SURFACE_PROBABILITY),
-        )
     ranked: int = _rank(
         surfaces,
         candidates,

@@ -63,6 +63,13 @@ def load_wrench(j: int, w: np.ndarray, L: np.ndarray, block: np.ndarray) -> None
 
 
 @fused_kernel
+def scale_information(factor: float, block: np.ndarray) -> None:
+    """Multiply the information matrices of all lanes by a factor."""
+    for i in range(F00, M22 + LANES):
+        block[i] *= factor
+
+
+@fused_kernel
 def load_frame(j: int, R: np.ndarray, o: np.ndarray, block: np.ndarray) -> None:
     """Put a body frame into lane j: its axes (columns) and its origin in the base frame [m]."""
     for i in range(3):
