@@ -148,6 +148,13 @@ class Page:
                 "Input.dispatchKeyEvent", type=kind, key=name, code=name, windowsVirtualKeyCode=codes[name]
             )
 
+    def imitate(self, width: int, height: int, dark: bool) -> None:
+        """Behave as a page of this size [px] in a system whose colours are dark or light."""
+        size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+        self.call("Emulation.setDeviceMetricsOverride", **size)
+        scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
+        self.call("Emulation.setEmulatedMedia", features=[scheme])
+
     def screenshot(self) -> np.ndarray:
         """The page as an image, shape (rows, columns, 3), 0 to 255."""
         import imageio.v3 as iio

@@ -21,6 +21,8 @@ NOWHERE = "#2f3337"
 SERIES = ("#332288", "#e69f00", "#117733", "#56b4e9", "#882255", "#000000")
 """Of curves and marks on white, distinguishable to the colour-blind as links are: indigo, green, wine of P.
 Tol, Colour Schemes (2021), orange, sky blue and black of M. Okabe and K. Ito."""
+ON_ANY_GROUND = ("#3b7ddd", "#e0457b", "#7d8a00")
+"""Of curves on a page that may be white or dark."""
 AXES = ("#d55e00", "#009e73", "#0072b2")
 """Of the axes x, y and z of a frame: vermilion, green and blue of M. Okabe and K. Ito, Color Universal
 Design (2008)."""

@@ -68,11 +68,13 @@ class ArmNodes:
         ]
         nodes.add_grid(
             f"{BASE}/mounting surface", 2.0 * self.reach, 2.0 * self.reach, cell_size=0.1, section_size=0.5,
-            plane_opacity=0.0,
+            cell_color=(165, 165, 165), section_color=(125, 125, 125), plane_opacity=0.0,
         )  # fmt: skip
         top = np.array([-0.55, -0.55, 0.35]) * self.reach
+        self.gravity = np.array([top, top - [0.0, 0.0, 0.25 * self.reach]])
+        """Ends of the arrow that shows gravity, shape (2, 3), world frame [m]."""
         nodes.add_arrows(
-            "/gravity", np.array([[top, top - [0.0, 0.0, 0.25 * self.reach]]]), (60, 60, 60),
+            "/gravity", self.gravity[None], (128, 128, 128),
             shaft_radius=0.008 * self.reach, head_radius=0.02 * self.reach, head_length=0.05 * self.reach,
         )  # fmt: skip
         nodes.add_label("/gravity/name", "gravity", position=top)

@@ -4,7 +4,7 @@ import numpy as np
 import viser
 from viser import uplot
 
-from contactsense.service.drawing.palette import SERIES
+from contactsense.service.drawing.palette import ON_ANY_GROUND
 from contactsense.service.viewer.frame import HISTORY, Forces
 
 INTERVAL = 0.1
@@ -24,14 +24,14 @@ class ForcePlot:
                 uplot.Series(label="time / s"),
                 *(
                     uplot.Series(label=f"contact {i + 1} / N", stroke=colour, width=2)
-                    for i, colour in enumerate(SERIES[:contacts])
+                    for i, colour in enumerate(ON_ANY_GROUND[:contacts])
                 ),
             ),
             title="Force of the contact" if contacts == 1 else "Forces of the contacts",
             scales={"x": uplot.Scale(time=False, range=(-HISTORY, 0.0)), "y": uplot.Scale(auto=True)},
             axes=(
-                uplot.Axis(label="time / s", labelSize=18),
-                uplot.Axis(label="force / N", labelSize=18),
+                uplot.Axis(label="time / s", labelSize=18, size=32),
+                uplot.Axis(label="force / N", labelSize=18, size=44),
             ),
             legend=uplot.Legend(show=False),
             height=190,

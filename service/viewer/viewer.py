@@ -17,11 +17,13 @@ import viser
 from contactsense.scene import Scene
 from contactsense.service.drawing.posture import usual_posture
 from contactsense.service.viewer.arm_nodes import ArmNodes
+from contactsense.service.viewer.camera import Cameras
 from contactsense.service.viewer.contact_nodes import ContactNodes
 from contactsense.service.viewer.force_plot import ForcePlot
 from contactsense.service.viewer.frame import Frame, Latch
 from contactsense.service.viewer.heat import Heat
 from contactsense.service.viewer.latch_panel import LatchPanel
+from contactsense.service.viewer.page_style import STYLE
 from contactsense.service.viewer.view_panel import MountingPanel, ViewPanel
 from contactsense.service.viewer.words import in_words
 
@@ -89,12 +91,8 @@ class Viewer:
         self._view = ViewPanel(page.gui, self._arm, self._heat)
         MountingPanel(page.gui, self._arm, scene)
         self._drawn = self._worded = -float("inf")
-        axis = scene.orientation.apply([0.0, 0.0, 1.0])
-        middle = 0.25 * self._arm.reach * axis
-        # An arm on a table stays above it; from a wall it reaches as far up as down.
-        distance = self._arm.reach * (1.0 + 0.45 * np.hypot(axis[0], axis[1]))
-        page.initial_camera.position = tuple(middle + distance * np.array([0.6, -0.68, 0.3]))
-        page.initial_camera.look_at = tuple(middle)
+        self.cameras = Cameras(page, scene, self._arm.gravity)
+        page.gui.add_html(STYLE)
 
     def draw(self, frame: Frame, note: str = "", latches: tuple[Latch, ...] = ()) -> None:
         """Draw a frame, with what the source says of itself and the latched collisions."""
@@ -118,6 +116,7 @@ class Viewer:
             _set(self._words, in_words(frame.estimate))
             self._latches.update(latches)
             self._view.update()
+            self.cameras.update()
 
     def close(self) -> None:
         """End the threads and the server."""

@@ -41,6 +41,13 @@ def differences(colours: list[str], vision: str) -> np.ndarray:
     return np.linalg.norm(seen[:, None] - seen[None], axis=2)[np.triu_indices(len(seen), 1)]
 
 
+def contrast(colour: str, ground: str) -> float:
+    """Ratio of contrast of WCAG 2.2."""
+    lightness = lab(np.array([palette.rgb(colour), palette.rgb(ground)]), "normal")[:, 0]
+    low, high = np.sort(((lightness + 16.0) / 116.0) ** 3)
+    return float((high + 0.05) / (low + 0.05))
+
+
 @pytest.mark.parametrize("vision", VISION)
 def test_links_and_contacts_are_told_apart(vision: str) -> None:
     colours = [*palette.LINK_COLOURS, palette.CONTACT, palette.NOWHERE]
@@ -51,6 +58,14 @@ def test_links_and_contacts_are_told_apart(vision: str) -> None:
 def test_curves_are_told_apart_and_stand_out_on_white(vision: str) -> None:
     assert differences(list(palette.SERIES), vision).min() >= palette.LEAST_DIFFERENCE
     assert differences([*palette.SERIES, "#ffffff"], vision).min() >= palette.LEAST_DIFFERENCE
+
+
+@pytest.mark.parametrize("vision", VISION)
+def test_curves_of_a_page_are_told_apart_on_white_and_on_dark(vision: str) -> None:
+    grounds = ["#ffffff", "#242424"]
+    assert differences([*palette.ON_ANY_GROUND, *grounds], vision).min() >= palette.LEAST_DIFFERENCE
+    for colour in palette.ON_ANY_GROUND:
+        assert min(contrast(colour, ground) for ground in grounds) >= 3.0  # WCAG 2.2, 1.4.11
 
 
 @pytest.mark.parametrize("vision", VISION)

@@ -31,6 +31,7 @@ class Shown:
 
     page: Page
     server: PageServer
+    viewer: Viewer
     estimate: Estimate | None = None
     q: np.ndarray = field(default_factory=lambda: POSTURE)
     latches: Callable[[], tuple[Latch, ...]] = lambda: ()
@@ -43,6 +44,13 @@ class Shown:
         """The browser's camera."""
         (client,) = self.server.get_clients().values()
         return client.camera
+
+    def is_aimed(self) -> bool:
+        """Whether the panel stands beside the picture, and the viewer has given the camera its place."""
+        camera = self.camera
+        width = self.page.evaluate("innerWidth")
+        first = self.viewer.cameras.view(camera.aspect).position
+        return camera.image_width < width and np.allclose(camera.position, first, atol=1e-4)
 
     def look(self, at: np.ndarray, position: np.ndarray, aside: float = 0.0) -> None:
         """Set the camera, places in the world [m]; `aside`: how far left of the middle the picture has `at`
@@ -82,7 +90,7 @@ def showing(scene: Scene, folder: Path, acknowledge: Callable[[], str] | None = 
     over = threading.Event()
     # The page lowers its resolution by itself where drawing is slow; pictures could not be compared then.
     with browser_page(f"http://127.0.0.1:{server.get_port()}/?fixedDpr=1", folder) as (page, _):
-        shown = Shown(page, server)
+        shown = Shown(page, server, viewer)
 
         def draw() -> None:
             viewer.draw(shown.frame(), "a note", shown.latches())
@@ -94,6 +102,8 @@ def showing(scene: Scene, folder: Path, acknowledge: Callable[[], str] | None = 
             page.wait_for("Software WebGL")
             page.evaluate("document.querySelector('.mantine-Notification-closeButton').click()")
             assert until(lambda: len(server.get_clients()) == 1, PATIENCE)
+            # From then on the camera is the test's.
+            assert until(shown.is_aimed, PATIENCE)
             yield shown
         finally:
             over.set()

@@ -1,0 +1,116 @@
+"""The camera of a page: so that the arm is in the picture, however wide that is, until a reader moves it."""
+
+from typing import NamedTuple
+
+import numpy as np
+import viser
+
+from contactsense.scene import Scene
+from contactsense.service.drawing.posture import usual_posture
+from contactsense.service.scene.summary import link_places
+
+FIELD_OF_VIEW = np.radians(75.0)
+"""Of the page's camera, from top to bottom [rad]."""
+AHEAD = np.array([-0.6, 0.68, -0.3])
+"""Direction in which the camera looks, in a world whose z points up."""
+MARGIN = 0.94
+"""Part of the picture that is used."""
+USUAL_ASPECT = 1.2
+"""Width over height of the picture beside the panel in a usual window."""
+PORTRAIT = 0.75
+"""Width over height below which the lower half of the picture is left free: the panel is there on a phone."""
+
+
+class View(NamedTuple):
+    """A place of the camera."""
+
+    position: np.ndarray
+    """Shape (3,) [m]."""
+    look_at: np.ndarray
+    """The point around which a mouse turns the picture, shape (3,) [m]."""
+
+
+def first_view(scene: Scene, landmarks: np.ndarray, aspect: float) -> View:
+    """The place from which the arm in its usual posture, turned about its first joint, fills the picture; no
+    posture is cut off above or below.
+
+    Args:
+        scene: The arm in its cell.
+        landmarks: Further places that are in the picture, shape (N, 3), world frame [m].
+        aspect: Width of the picture over its height.
+    """
+    joints = len(scene.robot.joints)
+    turned, stretched = [], []
+    for pan in np.arange(0.0, 2.0 * np.pi, np.pi / 12.0):
+        bent, straight, raised = usual_posture(joints), np.zeros(joints), np.zeros(joints)
+        bent[0] = straight[0] = raised[0] = pan
+        raised[1:2] = -0.5 * np.pi
+        turned.append(link_places(scene, bent)[:, :3, 3])
+        stretched += [link_places(scene, q)[:, :3, 3] for q in (straight, raised)]
+    wide = np.concatenate((scene.orientation.apply(np.concatenate(turned)), landmarks))
+    tall = np.concatenate((scene.orientation.apply(np.concatenate(stretched)), wide))
+    return _enclosing(wide, tall, aspect)
+
+
+def _enclosing(wide: np.ndarray, tall: np.ndarray, aspect: float) -> View:
+    """The nearest camera that sees `wide` between the left and right edge, and `tall` between the upper and
+    lower one, shapes (N, 3) [m].
+
+    A place p is right of the left edge if r·(p - c) >= -t a·(p - c), with the camera's place c, its axes r to
+    the right and a ahead, and the tangent t of half its field of view. The other edges are alike.
+    """
+    ahead = AHEAD / np.linalg.norm(AHEAD)
+    right = np.cross(ahead, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    up = np.cross(right, ahead)
+    upper = MARGIN * np.tan(0.5 * FIELD_OF_VIEW)
+    lower, side = (0.0 if aspect < PORTRAIT else -upper), upper * aspect
+
+    def least(places: np.ndarray, across: np.ndarray, low: float, high: float) -> tuple[float, float]:
+        along, depth = places @ across, places @ ahead
+        return float((along - high * depth).max()), float((along - low * depth).min())
+
+    rightmost, leftmost = least(wide, right, -side, side)
+    highest, lowest = least(tall, up, lower, upper)
+    depth = min((leftmost - rightmost) / (2.0 * side), (lowest - highest) / (upper - lower))
+    across = 0.5 * (rightmost + leftmost)
+    height = 0.5 * (highest + lowest + (upper + lower) * depth)
+    position = across * right + height * up + depth * ahead
+    return View(position, position + (float(np.mean(wide @ ahead)) - depth) * ahead)
+
+
+class Cameras:
+    """Aims the camera of each page when it is opened, and again when the picture gets another shape, as when
+    the window does."""
+
+    def __init__(self, page: viser.ViserServer, scene: Scene, landmarks: np.ndarray) -> None:
+        """Aim the cameras of pages to come; scene and landmarks as for `first_view`."""
+        self._page, self._scene, self._landmarks = page, scene, landmarks
+        camera = page.initial_camera
+        camera.position, camera.look_at = map(tuple, self.view(USUAL_ASPECT))
+        camera.fov = FIELD_OF_VIEW
+        self._aspects: dict[int, float] = {}
+        self._own: dict[int, list[np.ndarray]] = {}
+        """Places at which the camera of each page was without its reader's doing."""
+
+    def view(self, aspect: float) -> View:
+        """The view of a page at first, whose picture has this width over its height."""
+        return first_view(self._scene, self._landmarks, aspect)
+
+    def update(self) -> None:
+        """Aim those of which that is due."""
+        clients = self._page.get_clients()
+        for gone in self._aspects.keys() - clients.keys():
+            del self._aspects[gone], self._own[gone]
+        for number, client in clients.items():
+            camera = client.camera
+            aspect = camera.aspect
+            if self._aspects.get(number) == aspect:
+                continue
+            # A page may report its first place once more before it has heard of the one that it was given.
+            own = self._own.setdefault(number, [camera.position])
+            if any(np.allclose(camera.position, place, atol=1e-4) for place in own):
+                view = self.view(aspect)
+                camera.position, camera.look_at = view
+                own.append(view.position)
+            self._aspects[number] = aspect

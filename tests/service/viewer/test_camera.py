@@ -1,0 +1,59 @@
+"""The first view of a page shows the arm and gravity, whatever the shape of the window."""
+
+import numpy as np
+import pytest
+
+from contactsense import Scene
+from contactsense.service.drawing.posture import usual_posture
+from contactsense.service.scene.summary import link_places
+from contactsense.service.viewer.camera import FIELD_OF_VIEW, first_view
+
+ASPECTS = {"a phone": 0.5, "1280x800 beside the panel": 1.1, "1920x1080 beside the panel": 1.4, "wide": 3.0}
+GRAVITY = np.array([[-0.5, -0.5, 0.3], [-0.5, -0.5, 0.1]])
+
+
+def in_picture(scene: Scene, aspect: float, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Columns and rows of places (N, 3) [m], to the right and up; from -1 to 1 is the picture."""
+    view = first_view(scene, GRAVITY, aspect)
+    ahead = view.look_at - view.position
+    ahead /= np.linalg.norm(ahead)
+    right = np.cross(ahead, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    seen = places - view.position
+    assert (seen @ ahead > 0.0).all()
+    scale = np.tan(0.5 * FIELD_OF_VIEW) * (seen @ ahead)
+    return seen @ right / (aspect * scale), seen @ np.cross(right, ahead) / scale
+
+
+def turned(scene: Scene) -> np.ndarray:
+    """Places of all links as the arm turns about its first joint, in the world [m]."""
+    places = []
+    for pan in np.linspace(0.0, 6.0, 13):
+        q = usual_posture(len(scene.robot.joints))
+        q[0] = pan
+        places.append(link_places(scene, q)[:, :3, 3])
+    return scene.orientation.apply(np.concatenate(places))
+
+
+@pytest.mark.parametrize("aspect", ASPECTS.values(), ids=ASPECTS)
+@pytest.mark.parametrize("mounting", ["table", "wall", "ceiling"])
+@pytest.mark.parametrize("robot", ["ur3e", "ur20"])
+def test_arm_and_gravity_are_in_the_picture(aspect: float, mounting: str, robot: str) -> None:
+    scene = Scene(robot=robot, mounting=mounting)
+    columns, rows = in_picture(scene, aspect, np.concatenate((turned(scene), GRAVITY)))
+    assert np.abs(columns).max() < 1.0
+    assert np.abs(rows).max() < 1.0
+
+
+def test_on_a_phone_the_lower_half_is_left_to_the_panel() -> None:
+    scene = Scene(robot="ur5e")
+    _, rows = in_picture(scene, 0.5, turned(scene))
+    assert rows.min() >= 0.0
+
+
+def test_the_arm_is_not_smaller_than_it_must_be() -> None:
+    scene = Scene(robot="ur5e")
+    for aspect in ASPECTS.values():
+        columns, rows = in_picture(scene, aspect, np.concatenate((turned(scene), GRAVITY)))
+        upper = in_picture(scene, aspect, link_places(scene, np.array([0.0, -1.57, 0, 0, 0, 0]))[:, :3, 3])[1]
+        assert max(np.abs(columns).max(), rows.max(), upper.max()) > 0.85
