@@ -216,6 +216,9 @@ class SensorHealth(BaseModel):
         0, description="Readings that it took and that never arrived, by gaps in their numbering."
     )
     last_error: str = Field("", description="The latest error; kept after recovery.")
+    last_error_time: str | None = Field(
+        None, description="When it was last the case, ISO 8601 in UTC; null where there was none."
+    )
 
 
 class SourceHealth(BaseModel):

@@ -26,6 +26,7 @@ from contactsense.service.api.estimate_json import estimate_json
 from contactsense.service.api.messages import PipelineHealth, SensorHealth, SourceHealth
 from contactsense.service.events.summary import ContactSummaries
 from contactsense.service.group_signals import leave_to_parent
+from contactsense.service.live.error_times import ErrorTimes
 from contactsense.service.live.listener import Listener, Reporter
 from contactsense.service.live.scheduling import PIPELINE, Scheduling, prefer_low_latency, prioritize
 from contactsense.service.live.step_times import StepTimes
@@ -262,7 +263,7 @@ def run(
     listeners = listeners or Listeners((), outbox)
     summaries = ContactSummaries()
     beat, last_sample, step_time = 0.0, None, None
-    step_times = StepTimes()
+    step_times, error_times = StepTimes(), ErrorTimes(utc_now)
     window_start, window_count, rate = time.monotonic(), 0, 0.0
     while True:
         samples = source.poll(_TICK)
@@ -292,7 +293,7 @@ def run(
             window_start, window_count = now, 0
         if now - beat >= HEARTBEAT:
             beat = now
-            health = _as_message(source.health)
+            health = _as_message(source.health, error_times)
             health.rate = rate
             health.age = None if last_sample is None else now - last_sample
             pipeline = PipelineHealth(
@@ -316,10 +317,14 @@ def utc_now() -> str:
     return datetime.now(UTC).isoformat(timespec="milliseconds")
 
 
-def _as_message(health: source_health.SourceHealth) -> SourceHealth:
-    def sensor(stream: StreamHealth | WrenchHealth) -> SensorHealth:
+def _as_message(health: source_health.SourceHealth, error_times: ErrorTimes) -> SourceHealth:
+    def sensor(name: str, stream: StreamHealth | WrenchHealth) -> SensorHealth:
         return SensorHealth(
-            state=stream.state, received=stream.received, lost=stream.lost, last_error=stream.error
+            state=stream.state,
+            received=stream.received,
+            lost=stream.lost,
+            last_error=stream.error,
+            last_error_time=error_times.time_of(name, stream),
         )
 
     return SourceHealth(
@@ -327,6 +332,6 @@ def _as_message(health: source_health.SourceHealth) -> SourceHealth:
         trouble=health.trouble_while_running,
         without_wrench=health.without_wrench,
         unusable=health.unusable,
-        robot=sensor(health.robot),
-        base_wrench=None if health.wrench is None else sensor(health.wrench),
+        robot=sensor("robot", health.robot),
+        base_wrench=None if health.wrench is None else sensor("base_wrench", health.wrench),
     )

@@ -115,6 +115,7 @@ class NetFtStream:
         timeout: float = 0.2,
     ) -> None:
         self._place = f"force/torque sensor at {host}:{port}"
+        self._page = f"force/torque sensor at {host}: its configuration page on port {http_port}"
         calibration = None
         if counts is not None:
             calibration = pynetft.Calibration(
@@ -229,7 +230,7 @@ class NetFtStream:
             error = self._name_error or past.error
             return replace(past, state="closed" if self._closed else "waiting", error=error, rate=0.0)
         now = self._client.health()
-        error = f"{self._place}: {self._explain(now)}" if now.last_error else past.error
+        error = self._explain(now) if now.last_error else past.error
         return WrenchHealth(
             state="closed" if self._closed else _STATES[now.state],
             error=error,
@@ -246,13 +247,18 @@ class NetFtStream:
             age=now.last_record_age,
         )
 
-    @staticmethod
-    def _explain(now: pynetft.Health) -> str:
-        if now.last_error.startswith("no valid RDT record"):
-            return "silent, it sends no readings"
-        if now.last_error.startswith("serious device status"):
-            return f"it marks its readings as bad (status {now.last_status:#010x}); beyond its range?"
-        return now.last_error
+    def _explain(self, now: pynetft.Health) -> str:
+        error = now.last_error
+        if error.startswith("no valid RDT record"):
+            return f"{self._place}: silent, it sends no readings"
+        if error.startswith("serious device status"):
+            status = f"status {now.last_status:#010x}"
+            return f"{self._place}: it marks its readings as bad ({status}); beyond its range?"
+        if error.startswith("sensor configuration request failed: "):
+            return f"{self._page} cannot be read: {error.partition(': ')[2]}"
+        if error.startswith("sensor configuration"):
+            return f"{self._page} is not that of a Net F/T sensor: {error}"
+        return f"{self._place}: {error}"
 
     def close(self) -> None:
         """Tell the sensor to stop sending, and close the connection."""

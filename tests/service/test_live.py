@@ -3,6 +3,7 @@
 import json
 import time
 from collections.abc import Callable, Iterator
+from datetime import UTC, datetime
 
 import httpx
 import numpy as np
@@ -144,6 +145,7 @@ def test_the_latest_estimate_is_the_streams(play: Play) -> None:
     ids=lambda fault: fault.name,
 )
 def test_a_robot_that_fails_is_told_of_and_found_again(play: Play, fault: Fault) -> None:
+    begin = datetime.now(UTC).replace(microsecond=0)
     play.servers.rtde.fault = fault
     try:
         place = f"robot at {play.servers.rtde.host}:{play.servers.rtde.port}"
@@ -156,6 +158,9 @@ def test_a_robot_that_fails_is_told_of_and_found_again(play: Play, fault: Fault)
         play.servers.rtde.fault = Fault.NONE
     health = play.until(lambda health: health.status == "ok")
     assert health.source.robot.last_error  # stays for whoever asks later
+    assert health.source.robot.last_error_time is not None
+    last = datetime.fromisoformat(health.source.robot.last_error_time)
+    assert begin <= last <= datetime.now(UTC)
     assert health.pipeline.restarts == 0
     assert play.contacts(200)
 

@@ -98,6 +98,7 @@ def test_samples_become_messages() -> None:
     assert estimate.covariance == [[None] * 6] * 6  # JSON knows no infinity
     report = json.loads(source.arrived[10][2])
     assert report["source"]["connected"]
-    assert report["source"]["robot"] == {"state": "streaming", "received": 10, "lost": 2, "last_error": ""}
+    robot = {"state": "streaming", "received": 10, "lost": 2, "last_error": "", "last_error_time": None}
+    assert report["source"]["robot"] == robot
     assert (report["source"]["without_wrench"], report["source"]["unusable"]) == (4, 3)
     assert report["pipeline"]["alive"]
