@@ -1,6 +1,7 @@
 """`contactsense mock`: a simulated arm served over the real protocols."""
 
 import signal
+import socket
 import threading
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import click
 import numpy as np
 
 from contactsense.scene import Scene, SceneError
+from contactsense.service.free_ports import PortError, Wanted, check
 from contactsense.service.live.scheduling import prefer_low_latency
 from contactsense.service.mock.cell import Cell
 from contactsense.service.mock.live_servers import InterfacePorts, LiveServers
@@ -152,10 +154,10 @@ def _run(
         signal.signal(number, lambda *_: over.set())
     prefer_low_latency()  # a pause of this process would be a burst on all its wires
     try:
-        servers = LiveServers(robot, settings, ports)
-    except OSError as error:
-        raise click.ClickException(f"cannot listen at {settings.host}: {error.strerror or error}") from None
-    with servers:
+        check(settings.host, _wanted(settings, ports))
+    except PortError as error:
+        raise click.ClickException(str(error)) from None
+    with LiveServers(robot, settings, ports) as servers:
         click.echo(
             f"{READY}{settings.host}: RTDE port {servers.rtde.port}, force/torque port {servers.netft.port}, "
             f"its configuration page on port {servers.netft.http_port}{_further(servers)}"
@@ -167,6 +169,22 @@ def _run(
         except OSError as error:
             raise click.ClickException(f"{contact_log}: {error.strerror}") from None
     return 0
+
+
+def _wanted(settings: MockSettings, ports: InterfacePorts) -> list[Wanted]:
+    """All ports that will be opened."""
+    further = {
+        "--dashboard-port": ports.dashboard,
+        "--primary-port": ports.primary,
+        "--secondary-port": ports.secondary,
+        "--realtime-port": ports.realtime,
+    }
+    return [
+        Wanted("--rtde-port", settings.rtde_port),
+        Wanted("--ft-port", settings.netft_port, socket.SOCK_DGRAM),
+        Wanted("--ft-http-port", settings.http_port),
+        *(Wanted(option, port) for option, port in further.items() if port is not None),
+    ]
 
 
 def _further(servers: LiveServers) -> str:

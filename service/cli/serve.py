@@ -22,7 +22,7 @@ from contactsense.service.api.settings import Settings, SettingsError
 from contactsense.service.api.variables import GROUPED, misspelled
 from contactsense.service.cli.option_names import as_options
 from contactsense.service.cli.sensor_options import sensor_options
-from contactsense.service.controllers.robot_program_servers import PortError
+from contactsense.service.free_ports import PortError, reason
 from contactsense.service.live.scheduling import prefer_low_latency, prioritize
 from contactsense.service.scene.summary import scene_warnings
 
@@ -114,7 +114,7 @@ def serve(**options: Any) -> int:
         listener = listen(settings.host, settings.port)
     except OSError as error:
         raise click.ClickException(
-            f"cannot serve at {settings.host}:{settings.port}: {error.strerror}; --port 0 takes a free port"
+            f"cannot serve at {settings.host}:{settings.port}: {reason(error)}; --port 0 takes a free port"
         ) from None
     with listener:
         try:  # while the service's own port is open, as it may be one of these
@@ -138,10 +138,12 @@ def serve(**options: Any) -> int:
         try:
             config.load()
         except OSError as error:
-            reason = "expected a certificate and its key in PEM: " if isinstance(error, ssl.SSLError) else ""
+            expected = (
+                "expected a certificate and its key in PEM: " if isinstance(error, ssl.SSLError) else ""
+            )
             raise click.ClickException(
                 f"{settings.tls_certificate}, {settings.tls_key}: cannot be used for TLS: "
-                f"{reason}{error.strerror}"
+                f"{expected}{error.strerror}"
             ) from None
         scheme = "http" if settings.tls_certificate is None else "https"
         url = f"{scheme}://{settings.host}:{listener.getsockname()[1]}"

@@ -11,6 +11,7 @@ import click
 
 from contactsense.scene import Scene, SceneError
 from contactsense.service.cli.token_file import read_token
+from contactsense.service.free_ports import reason
 from contactsense.service.recordings import RecordingError, scene_in
 from contactsense.service.viewer import READY
 from contactsense.service.viewer.analysis_source import AnalysisSource, is_analysis
@@ -128,7 +129,7 @@ def _page(host: str, port: int) -> PageServer:
         page = serve_page(host, port)
     except OSError as error:
         raise click.ClickException(
-            f"cannot serve at {host}:{port}: {error.strerror or error}; --port 0 takes a free port"
+            f"cannot serve at {host}:{port}: {reason(error)}; --port 0 takes a free port"
         ) from None
     click.echo(f"{READY}http://{host}:{page.get_port()}")
     return page

@@ -25,14 +25,14 @@ class LineReader:
         self._skipping = False
 
     def feed(self, chunk: bytes) -> list[tuple[str, list[Argument]] | LineError]:
-        """Add bytes; returns the requests that are now complete. Empty lines are ignored. A line that is too
-        long is reported once, and the rest of it is ignored."""
+        """Add bytes; returns the requests that are now complete, one for each line, so that each is answered.
+        A line that is too long is reported once, and the rest of it is ignored."""
         requests: list[tuple[str, list[Argument]] | LineError] = []
         *lines, self._rest = (self._rest + chunk).split(b"\n")
         for line in lines:
             if self._skipping:
                 self._skipping = False
-            elif len(line) > MAX_LINE or line.strip():
+            else:
                 try:
                     requests.append(parse_line(line))
                 except LineError as error:

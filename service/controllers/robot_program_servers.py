@@ -1,7 +1,6 @@
 """The ports for robot programs: XML-RPC and the line socket, in the service's event loop."""
 
 import asyncio
-import contextlib
 import logging
 import socket
 from collections.abc import Callable
@@ -11,7 +10,12 @@ from contactsense.service.controllers.line_protocol import LineError, LineReader
 from contactsense.service.controllers.robot_program import BAD_REQUEST, RobotProgramMethods
 from contactsense.service.controllers.settings import ControllerSettings
 from contactsense.service.controllers.xmlrpc import XmlRpcError, parse_call, response
+from contactsense.service.free_ports import PortError, Wanted, check, reason
 
+XMLRPC, LINE = "--xmlrpc-port", "--line-port"
+"""Options that name the ports."""
+INTERFACES = {XMLRPC: "XML-RPC", LINE: "line socket"}
+"""What is at these ports."""
 PREFIX = "contactsense_"
 """Prefix of the method names over XML-RPC."""
 XML = "text/xml"
@@ -21,10 +25,6 @@ PATHS = (b"/RPC2", b"/")
 _HEAD_TIME = 10.0
 """Longest time for a request to become complete [s]."""
 _log = logging.getLogger("contactsense")
-
-
-class PortError(ValueError):
-    """A port cannot be opened; the text states which and why."""
 
 
 def answer_call(methods: RobotProgramMethods, body: bytes) -> bytes:
@@ -148,7 +148,7 @@ class RobotProgramServers:
         self.connections: dict[type, set[_Connection]] = {}
         """Open connections by kind."""
         self.addresses: dict[str, tuple[str, int]] = {}
-        """Name of each open port -> host and port."""
+        """Option of each open port -> host and port."""
         self._methods = methods
         self._servers: list[asyncio.Server] = []
 
@@ -158,11 +158,12 @@ class RobotProgramServers:
         Raises:
             PortError: A port cannot be opened.
         """
-        settings, methods = self.settings, self._methods
-        if settings.xmlrpc_port is not None:
-            await self._open("xmlrpc_port", settings.xmlrpc_port, lambda: XmlRpcConnection(self, methods))
-        if settings.line_port is not None:
-            await self._open("line_port", settings.line_port, lambda: LineConnection(self, methods))
+        made: dict[str, Callable[[], asyncio.Protocol]] = {
+            XMLRPC: lambda: XmlRpcConnection(self, self._methods),
+            LINE: lambda: LineConnection(self, self._methods),
+        }
+        for wanted in self._wanted():
+            await self._open(wanted, made[wanted.option])
 
     def check(self) -> None:
         """Check that both ports can be open at the same time, before the service starts.
@@ -170,16 +171,11 @@ class RobotProgramServers:
         Raises:
             PortError: A port cannot be opened.
         """
-        with contextlib.ExitStack() as opened:
-            for name, port in (
-                ("xmlrpc_port", self.settings.xmlrpc_port),
-                ("line_port", self.settings.line_port),
-            ):
-                if port is not None:
-                    try:
-                        opened.enter_context(socket.create_server((self.settings.host, port)))
-                    except OSError as error:
-                        raise self._error(name, port, error) from None
+        check(self.settings.host, self._wanted())
+
+    def _wanted(self) -> tuple[Wanted, ...]:
+        ports = ((XMLRPC, self.settings.xmlrpc_port), (LINE, self.settings.line_port))
+        return tuple(Wanted(option, port) for option, port in ports if port is not None)
 
     async def stop(self) -> None:
         """Close the ports and their connections."""
@@ -191,16 +187,13 @@ class RobotProgramServers:
         self._servers.clear()
         self.addresses.clear()
 
-    async def _open(self, name: str, port: int, make: Callable[[], asyncio.Protocol]) -> None:
-        host = self.settings.host
+    async def _open(self, wanted: Wanted, make: Callable[[], asyncio.Protocol]) -> None:
+        host, option = self.settings.host, wanted.option
         try:
-            server = await asyncio.get_running_loop().create_server(make, host, port)
+            server = await asyncio.get_running_loop().create_server(make, host, wanted.port)
         except OSError as error:
             await self.stop()
-            raise self._error(name, port, error) from None
+            raise PortError(f"{option}: cannot listen at {host}:{wanted.port}: {reason(error)}") from None
         self._servers.append(server)
-        self.addresses[name] = server.sockets[0].getsockname()[:2]
-        _log.info("robot programs: %s at %s:%d", name, *self.addresses[name])
-
-    def _error(self, name: str, port: int, error: OSError) -> PortError:
-        return PortError(f"{name}: cannot listen at {self.settings.host}:{port}: {error.strerror}")
+        self.addresses[option] = server.sockets[0].getsockname()[:2]
+        _log.info("robot programs: %s at %s:%d", INTERFACES[option], *self.addresses[option])

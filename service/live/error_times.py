@@ -22,8 +22,8 @@ class ErrorTimes:
 
         Args:
             name: Of the sensor.
-            stream: Its state now. An error is new if its text or the number of failures has changed. It is the
-                case as long as no readings come.
+            stream: Its state now. An error is new if its text or the number of failures has changed; it is
+                the case as long as no readings come.
         """
         if not stream.error:
             return None

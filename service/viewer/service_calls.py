@@ -119,6 +119,7 @@ class ServiceCalls:
             raise LiveError(f"{self.url}{path}: {error.code} {_reason(error)}{hint}") from None
         except (OSError, ValueError) as error:
             reason = getattr(error, "reason", error)
+            reason = getattr(reason, "strerror", None) or reason
             raise LiveError(f"{self.url} cannot be reached: {reason}") from None
 
 

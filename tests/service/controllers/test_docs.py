@@ -47,9 +47,14 @@ def test_robot_programs_call_what_there_is(script: Path) -> None:
     assert called <= set(METHODS.names)
     for count in re.findall(r"socket_read_ascii_float\((\d+)", text):
         assert int(count) == len(METHODS.call("contact", []))
-    lengths = {len(METHODS.call(name, [])) for name in called}
-    indices = [int(index) for index in re.findall(r"answer\[(\d+)\]", text)]
-    assert max(indices) <= max(lengths)
+    answers = re.findall(r"(\w+) = contactsense\.contactsense_(\w+)\(", text)
+    methods = dict(answers)
+    assert set(answers) == set(methods.items())  # a variable keeps its type, a list its length
+    for variable, index in re.findall(r"(\w+)\[(\d+)\]", text):
+        if variable in methods:
+            assert int(index) < len(METHODS.call(methods[variable], []))
+        else:  # the first number is how many have been read
+            assert int(index) <= len(METHODS.call("contact", []))
     assert text.count("(") == text.count(")")
     blocks = len(re.findall(r"^\s*(?:def|if|while|thread)\b", text, re.MULTILINE))
     assert len(re.findall(r"^\s*end\b", text, re.MULTILINE)) == blocks

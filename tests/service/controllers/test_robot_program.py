@@ -35,8 +35,9 @@ from contactsense.service.controllers.robot_program import (
     NewestEstimate,
     RobotProgramMethods,
 )
-from contactsense.service.controllers.robot_program_servers import PortError, RobotProgramServers
+from contactsense.service.controllers.robot_program_servers import RobotProgramServers
 from contactsense.service.controllers.settings import ControllerSettings
+from contactsense.service.free_ports import PortError
 from contactsense.service.live.hub import Hub
 from contactsense.service.reactions.rules import ReactionRules
 from contactsense.service.reactions.state import Reactions
@@ -172,7 +173,7 @@ def ports(methods: RobotProgramMethods, **settings: Any) -> Iterator[dict[str, t
 def test_pythons_xmlrpc_client(hub: Hub, methods: RobotProgramMethods) -> None:
     hub.publish(2.5, estimate(TOUCH))
     with ports(methods) as places:
-        host, port = places["xmlrpc_port"]
+        host, port = places["--xmlrpc-port"]
         with xmlrpc.client.ServerProxy(f"http://{host}:{port}/RPC2") as client:
             for _ in range(3):  # over one connection
                 assert client.contactsense_contact()[:3] == [CONTACT, 7, 3]
@@ -201,7 +202,7 @@ def test_a_client_that_is_not_pythons(
         pytest.skip(f"the C client of XML-RPC is absent (Debian: libxmlrpc-core-c3): {error}")
     hub.publish(2.5, estimate(TOUCH))
     with ports(methods) as places:
-        host, port = places["xmlrpc_port"]
+        host, port = places["--xmlrpc-port"]
         url = f"http://{host}:{port}/RPC2"
         script = [sys.executable, xmlrpc_c.__file__, url, *call]
         done = subprocess.run(script, capture_output=True, text=True, timeout=60)
@@ -211,7 +212,7 @@ def test_a_client_that_is_not_pythons(
 
 def test_http_that_is_no_call(methods: RobotProgramMethods) -> None:
     with ports(methods) as places:
-        host, port = places["xmlrpc_port"]
+        host, port = places["--xmlrpc-port"]
         url = f"http://{host}:{port}"
         assert http.get(f"{url}/RPC2").status_code == 405
         assert http.post(f"{url}/other").status_code == 404
@@ -222,33 +223,34 @@ def test_http_that_is_no_call(methods: RobotProgramMethods) -> None:
 
 def test_the_line_socket(hub: Hub, methods: RobotProgramMethods) -> None:
     hub.publish(2.5, estimate(TOUCH))
-    with ports(methods) as places, socket.create_connection(places["line_port"], timeout=10) as client:
+    with ports(methods) as places, socket.create_connection(places["--line-port"], timeout=10) as client:
         stream = client.makefile("rb")
-        for piece in (b"con", b"tact\nlink\r\n", b"nonsense\n\xff\n", b"a" * 500 + b"\nexpect 3\n"):
+        for piece in (b"con", b"tact\nlink\r\n", b"nonsense\n\xff\n", b"a" * 500 + b"\n\n \r\nexpect 3\n"):
             client.sendall(piece)
             time.sleep(0.02)
-        lines = [stream.readline() for _ in range(6)]
+        lines = [stream.readline() for _ in range(8)]
         stream.close()
     assert re.fullmatch(rb"\( 1\.000000, 7\.000000, 3\.000000, 0\.900000, .*\)\n", lines[0])
-    assert [line.count(b",") + 1 for line in lines] == [15, 6, 1, 1, 1, 1]
-    assert lines[2:] == [reply([code]) for code in (UNKNOWN_METHOD, BAD_REQUEST, BAD_REQUEST, CONTACT)]
+    assert [line.count(b",") + 1 for line in lines] == [15, 6, 1, 1, 1, 1, 1, 1]
+    bad = [BAD_REQUEST] * 4  # no ASCII, too long, twice nothing
+    assert lines[2:] == [reply([code]) for code in (UNKNOWN_METHOD, *bad, CONTACT)]
 
 
 def test_connections_are_limited(methods: RobotProgramMethods) -> None:
     with (
         ports(methods, connections=1) as places,
-        socket.create_connection(places["line_port"], timeout=10) as first,
+        socket.create_connection(places["--line-port"], timeout=10) as first,
     ):
         first.sendall(b"version\n")
         assert first.recv(100).startswith(b"( ")
-        with socket.create_connection(places["line_port"], timeout=10) as second:
+        with socket.create_connection(places["--line-port"], timeout=10) as second:
             assert _ended(second)
 
 
 def test_strangers_are_refused(methods: RobotProgramMethods) -> None:
     with (
         ports(methods, clients="192.0.2.1") as places,
-        socket.create_connection(places["line_port"], timeout=10) as stranger,
+        socket.create_connection(places["--line-port"], timeout=10) as stranger,
     ):
         assert _ended(stranger)
 
@@ -260,7 +262,7 @@ def test_a_client_that_takes_no_answers_is_dropped(methods: RobotProgramMethods)
 
     with (
         ports(methods) as places,
-        socket.create_connection(places["line_port"], timeout=10) as client,
+        socket.create_connection(places["--line-port"], timeout=10) as client,
         pytest.raises((BrokenPipeError, ConnectionResetError)),
     ):
         flood(client)
@@ -282,13 +284,14 @@ def test_settings_that_cannot_be_used(values: dict[str, Any], complaint: str) ->
 
 
 def test_a_port_that_is_taken(methods: RobotProgramMethods) -> None:
+    why = r"^--line-port: cannot listen at 127\.0\.0\.1:\d+: Address already in use$"
     with socket.create_server(("127.0.0.1", 0)) as taken:
         settings = ControllerSettings(line_port=taken.getsockname()[1])
-        with pytest.raises(PortError, match="line_port: cannot listen at "):
+        with pytest.raises(PortError, match=why):
             RobotProgramServers(settings, methods).check()
         port = taken.getsockname()[1]
     both = ControllerSettings(xmlrpc_port=port, line_port=port)
-    with pytest.raises(PortError, match="line_port: cannot listen at "):
+    with pytest.raises(PortError, match=why):
         RobotProgramServers(both, methods).check()
 
 
