@@ -11,8 +11,8 @@ import json
 import logging
 import multiprocessing
 import os
-import re
 import socket
+import time
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from multiprocessing.process import BaseProcess
@@ -36,6 +36,7 @@ from contactsense.service.live.pipeline_process import (
 from contactsense.service.live.process_exit import end, exit_code
 from contactsense.service.live.silence import TICK, Silence, process_state
 from contactsense.service.live.status import STALE, Facts, Status, assess
+from contactsense.service.live.status_log import StatusLog
 from contactsense.service.live.supervision import Supervised
 from contactsense.service.process_argument import packed
 
@@ -110,7 +111,8 @@ class Runner:
         """Number of estimates received since the service started."""
         self.handover: float | None = None
         """Transfer time of the latest report from the process to the service [s]."""
-        self._last_status: tuple[Status, str] = ("starting", "")
+        self._last_status: Status = "starting"
+        self._status_log = StatusLog()
         self.others: Callable[[], Sequence[str]] = tuple
         """Returns other problems in the service, each a sentence."""
         self.since = datetime.now(UTC)
@@ -341,7 +343,7 @@ class Runner:
         return None if not then or self._loop is None else max(0.0, self._loop.time() - then)
 
     def _look(self) -> tuple[Status, tuple[str, ...]]:
-        """Compute the status; log it if it has changed."""
+        """Compute the status; log it if it is news."""
         failing = [task for task in (self._task, self._ticker) if task is not None and task.error]
         found = assess(
             Facts(
@@ -364,12 +366,10 @@ class Runner:
         )
         status, reasons = found
         message = "; ".join(reasons)
-        current = (status, re.sub(r"[0-9.]+", "", message))  # ages grow all the time
-        if current != self._last_status:
-            before = self._last_status[0]
-            self._last_status = current
-            if status != before:
-                self.since = datetime.now(UTC)
+        if status != self._last_status:
+            self._last_status = status
+            self.since = datetime.now(UTC)
+        if self._status_log.is_news(status, message, time.monotonic()):
             level = logging.INFO if status in ("ok", "starting", "idle") else logging.WARNING
             log.log(level, "%s: %s", status, message)
         return found
