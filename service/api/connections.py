@@ -180,6 +180,13 @@ class LimitedWebSocket(_Guard, WebSocketsSansIOProtocol):
         super().connection_lost(exc)
         self.limits.opened = len(self.connections)
 
+    async def send(self, message: Any) -> None:
+        """Send a message. A refusal, once complete, is all that there will be: uvicorn would log each as an
+        error of the application."""
+        await super().send(message)
+        if message["type"] == "websocket.http.response.body" and not message.get("more_body"):
+            self.handshake_complete = True
+
     def pause_writing(self) -> None:
         """The client reads nothing."""
         self._stall()

@@ -3,6 +3,7 @@
 import contextlib
 import logging
 import os
+import shlex
 import socket
 import ssl
 from pathlib import Path
@@ -148,13 +149,20 @@ def serve(**options: Any) -> int:
         scheme = "http" if settings.tls_certificate is None else "https"
         url = f"{scheme}://{settings.host}:{listener.getsockname()[1]}"
         click.echo(f"{READY}{url}")
-        click.echo(f"interface: {url}/docs; viewer: contactsense view --url {url}")
+        click.echo(pages(url, settings.token_file))
         prioritize()
         prefer_low_latency()
         # An interrupt may come before the server handles it.
         with contextlib.suppress(KeyboardInterrupt):
             _Server(config).run([listener])
     return 0
+
+
+def pages(url: str, token_file: Path | None) -> str:
+    """Where a person at this computer finds the description and the viewer of the service at `url`."""
+    here = url.replace("//0.0.0.0:", "//127.0.0.1:")  # an address to listen at, not to connect to
+    token = "" if token_file is None else f" --token-file {shlex.quote(str(token_file))}"
+    return f"interface: {here}/docs; viewer: contactsense view --url {here}{token}"
 
 
 class _Server(uvicorn.Server):

@@ -1,6 +1,8 @@
 """Requests of commands to a service over HTTP, with errors of one line."""
 
+import http.client
 import json
+import ssl
 import urllib.error
 import urllib.request
 from typing import Any
@@ -119,8 +121,18 @@ class ServiceCalls:
             raise LiveError(f"{self.url}{path}: {error.code} {_reason(error)}{hint}") from None
         except (OSError, ValueError) as error:
             reason = getattr(error, "reason", error)
-            reason = getattr(reason, "strerror", None) or reason
-            raise LiveError(f"{self.url} cannot be reached: {reason}") from None
+            raise LiveError(f"{self.url} cannot be reached: {_in_words(reason)}") from None
+
+
+def _in_words(reason: object) -> str:
+    if isinstance(reason, ssl.SSLCertVerificationError):
+        return (
+            f"{reason.verify_message}; the environment variable SSL_CERT_FILE names a file with the "
+            "certificate to trust"
+        )
+    if isinstance(reason, http.client.RemoteDisconnected):
+        return f"{reason}; if it serves TLS, the URL begins with https"
+    return str(getattr(reason, "strerror", None) or reason)
 
 
 def _reason(error: urllib.error.HTTPError) -> str:

@@ -1,8 +1,9 @@
-"""A message leaves at once: connections to the service do not wait for acknowledgements."""
+"""Addresses that the service names can be opened, and its connections send each message at once."""
 
 import socket
+from pathlib import Path
 
-from contactsense.service.cli.serve import listen
+from contactsense.service.cli.serve import listen, pages
 
 
 def test_accepted_connections_send_without_delay() -> None:
@@ -10,3 +11,11 @@ def test_accepted_connections_send_without_delay() -> None:
         connection, _ = listener.accept()
         with connection:
             assert connection.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY) != 0
+
+
+def test_the_addresses_that_are_named_can_be_opened() -> None:
+    assert pages("https://0.0.0.0:8000", Path("my token")) == (
+        "interface: https://127.0.0.1:8000/docs; "
+        "viewer: contactsense view --url https://127.0.0.1:8000 --token-file 'my token'"
+    )
+    assert pages("http://192.0.2.1:80", None).endswith("view --url http://192.0.2.1:80")

@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import logging
 import socket
 import ssl
 import subprocess
@@ -154,6 +155,22 @@ def test_a_websocket_that_may_not_come_in(locked: str, headers: dict[str, str], 
     ):
         pass
     assert refused.value.response.status_code == status
+
+
+def test_a_websocket_that_is_refused_is_no_error_of_the_service(locked: str) -> None:
+    told: list[logging.LogRecord] = []
+    handler = logging.Handler()
+    handler.emit = told.append  # type: ignore[method-assign]
+    log = logging.getLogger("uvicorn.error")
+    log.addHandler(handler)
+    try:
+        for path in ("stream", "nothing"):
+            with pytest.raises(InvalidStatus), connect(f"ws://{locked}/v1/{path}"):
+                pass
+        assert http.get(f"http://{locked}/v1/ready").status_code == 200  # by now it has been logged
+    finally:
+        log.removeHandler(handler)
+    assert [record.getMessage() for record in told if record.levelno >= logging.WARNING] == []
 
 
 def test_a_method_that_is_not_allowed_names_those_that_are(locked: str) -> None:

@@ -1,5 +1,9 @@
 """The live source: it draws what a service sends, and tells what it cannot use."""
 
+import http.client
+import ssl
+import urllib.error
+import urllib.request
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
@@ -105,3 +109,30 @@ def test_another_kind_of_server_is_told() -> None:
     app.get("/v1/scene")(lambda: {"something": "else"})
     with serving(app) as address, pytest.raises(LiveError, match="this is not a contactsense service"):
         ServiceCalls(f"http://{address}").scene()
+
+
+@pytest.mark.parametrize(
+    ("error", "told"),
+    [
+        (ssl.SSLCertVerificationError(1, "certificate verify failed"), "SSL_CERT_FILE names a file"),
+        (
+            http.client.RemoteDisconnected("no answer"),
+            "no answer; if it serves TLS, the URL begins with https",
+        ),
+        (ConnectionRefusedError(111, "Connection refused"), "cannot be reached: Connection refused"),
+    ],
+    ids=lambda each: type(each).__name__,
+)
+def test_what_to_do_is_told_where_a_service_cannot_be_reached(
+    error: OSError, told: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise urllib.error.URLError(error)
+
+    if isinstance(error, ssl.SSLCertVerificationError):
+        error.verify_message = "self-signed certificate"
+    monkeypatch.setattr(urllib.request, "urlopen", fail)
+    with pytest.raises(LiveError) as caught:
+        ServiceCalls("http://127.0.0.1:9").scene()
+    assert told in str(caught.value)
+    assert "Errno" not in str(caught.value)
