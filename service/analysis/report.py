@@ -33,6 +33,7 @@ _templates = jinja2.Environment(
     lstrip_blocks=True,
     undefined=jinja2.StrictUndefined,
 )
+_templates.globals["nowhere"] = NOWHERE
 
 
 def write_report(analysis: Analysis, folder: Path) -> None:
@@ -119,7 +120,7 @@ def _contact(contact: ContactSummary, analysis: Analysis) -> dict[str, Any]:
             (contact.begin, contact.begin + contact.duration),
             "force / N",
             f"force of contact {contact.contact}",
-            150,
+            160,
         ),
     }
 

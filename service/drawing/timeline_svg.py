@@ -6,7 +6,7 @@ from html import escape
 
 import numpy as np
 
-WIDTH, LEFT, RIGHT, TOP, BOTTOM = 1000, 62, 12, 10, 34
+WIDTH, LEFT, RIGHT, TOP, BOTTOM = 1000, 62, 12, 10, 44
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ def panel(
         x, _ = at(k * tick, 0.0)
         parts.append(
             f'<line class="grid" x1="{x:.1f}" y1="{TOP}" x2="{x:.1f}" y2="{TOP + depth}"/>'
-            f'<text x="{x:.1f}" y="{TOP + depth + 15}" text-anchor="middle">{k * tick:.6g}</text>'
+            f'<text x="{x:.1f}" y="{TOP + depth + 19}" text-anchor="middle">{k * tick:.6g}</text>'
         )
     parts += [_curve(curve, at) for curve in curves if len(curve.x)]
     parts.append(

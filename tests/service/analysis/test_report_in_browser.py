@@ -7,8 +7,11 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from contactsense.benchmarks.browser import browser_page
 from contactsense.service.cli.analyze import analyze
+from tests.browser import require_browser
 from tests.service.analysis.recordings import demo, write_motion
+from tests.service.drawing.test_palette import contrast
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 QUIET = (
@@ -26,21 +29,57 @@ def browser() -> str:
     return found
 
 
-@pytest.mark.slow
-def test_the_report_shows_its_contacts(tmp_path: Path, browser: str) -> None:
-    write_motion(demo(), tmp_path / "demo.parquet", last=4500)
-    (tmp_path / "scene.yaml").write_text("robot: ur5e\n")
-    arguments = [str(tmp_path / "demo.parquet"), "--scene", str(tmp_path / "scene.yaml")]
-    result = CliRunner().invoke(analyze, [*arguments, "--out", str(tmp_path / "out")])
+@pytest.fixture(scope="module")
+def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("analysis")
+    write_motion(demo(), folder / "demo.parquet", last=4500)
+    (folder / "scene.yaml").write_text("robot: ur5e\n")
+    arguments = [str(folder / "demo.parquet"), "--scene", str(folder / "scene.yaml")]
+    result = CliRunner().invoke(analyze, [*arguments, "--out", str(folder / "out")])
     assert result.exit_code == 0, result.output
-    (page,) = (tmp_path / "out").rglob("*.html")
+    (page,) = (folder / "out").rglob("*.html")
+    return page
+
+
+@pytest.mark.slow
+def test_the_report_shows_its_contacts(report: Path, tmp_path: Path, browser: str) -> None:
     picture = tmp_path / "page.png"
     done = subprocess.run(
         [browser, *QUIET, f"--user-data-dir={tmp_path / 'profile'}", f"--screenshot={picture}", "--dump-dom",
-         page.as_uri()],
+         report.as_uri()],
         capture_output=True, text=True, timeout=120, check=True,
     )  # fmt: skip
     assert "forearm" in done.stdout
     assert "<canvas" in done.stdout
     assert "CONSOLE" not in done.stderr, done.stderr
     assert picture.stat().st_size > 20_000
+
+
+COLOURS = """(() => {
+  const hexadecimal = colour => '#' + colour.match(/\\d+/g).slice(0, 3)
+    .map(number => (+number).toString(16).padStart(2, '0')).join('');
+  const style = name => getComputedStyle(document.querySelector(name));
+  const text = [style('h1').color, style('small').color, style('svg text').fill];
+  return [style('body').backgroundColor, ...text].map(hexadecimal);
+})()"""
+"""Of the ground, of a heading, of a note, of the labels of a plot."""
+
+SMALLEST = """Math.min(...[...document.querySelectorAll('svg text')].map(text =>
+  parseFloat(getComputedStyle(text).fontSize) * text.ownerSVGElement.getBoundingClientRect().width
+  / text.ownerSVGElement.viewBox.baseVal.width))"""
+"""Size of the smallest label of a plot [px]."""
+
+
+@pytest.mark.slow
+def test_it_can_be_read_in_light_and_dark_on_a_wide_and_a_narrow_screen(report: Path, tmp_path: Path) -> None:
+    require_browser()
+    with browser_page(report.as_uri(), tmp_path) as (page, _):
+        page.wait_for("Contacts in demo.parquet")
+        for width, dark in ((1280, False), (400, True), (1280, True)):
+            page.imitate(width, 900, dark)
+            ground, heading, note, label = page.evaluate(COLOURS)
+            assert (contrast(ground, "#000000") < 2.0) == dark
+            assert contrast(heading, ground) >= 7.0
+            assert min(contrast(note, ground), contrast(label, ground)) >= 4.5  # WCAG 2.2, 1.4.3
+            assert page.evaluate(SMALLEST) >= 9.0
+            assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
