@@ -23,8 +23,8 @@ class PortError(ValueError):
 
 def reason(error: OSError) -> str:
     """Why an address cannot be listened at. Python appends the address to this, as it stands in the code."""
-    if error.errno is None or isinstance(error, socket.gaierror):
-        return error.strerror or str(error)
+    if error.errno is None or error.errno < 0:  # an unknown host; the system has no words for its number
+        return (error.strerror or str(error)).partition(" (while attempting")[0]
     return os.strerror(error.errno)
 
 

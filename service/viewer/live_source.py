@@ -16,7 +16,7 @@ from websockets.sync.client import connect
 from contactsense.scene import Scene
 from contactsense.service.api.messages import EstimateOut
 from contactsense.service.viewer.frame import TRACKS, ForceHistory, Forces, Frame, Latch
-from contactsense.service.viewer.service_calls import LiveError, ServiceCalls
+from contactsense.service.viewer.service_calls import LiveError, ServiceCalls, in_words
 from contactsense.service.viewer.stream_messages import estimate_of, joints_of
 
 RATE = 33.0
@@ -111,7 +111,7 @@ class LiveSource:
                             continue
                         self._take(json.loads(message))
             except (OSError, WebSocketException, ValueError) as error:
-                self._lost = f"the service cannot be heard, trying again: {error}"
+                self._lost = f"the service cannot be heard, trying again: {in_words(error)}"
             self._over.wait(pause)
             pause = min(2.0 * pause, LONGEST_PAUSE)
 

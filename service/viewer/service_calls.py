@@ -121,10 +121,11 @@ class ServiceCalls:
             raise LiveError(f"{self.url}{path}: {error.code} {_reason(error)}{hint}") from None
         except (OSError, ValueError) as error:
             reason = getattr(error, "reason", error)
-            raise LiveError(f"{self.url} cannot be reached: {_in_words(reason)}") from None
+            raise LiveError(f"{self.url} cannot be reached: {in_words(reason)}") from None
 
 
-def _in_words(reason: object) -> str:
+def in_words(reason: object) -> str:
+    """Why a service cannot be reached, as a person would say it, and what may help."""
     if isinstance(reason, ssl.SSLCertVerificationError):
         return (
             f"{reason.verify_message}; the environment variable SSL_CERT_FILE names a file with the "

@@ -236,6 +236,18 @@ def test_the_line_socket(hub: Hub, methods: RobotProgramMethods) -> None:
     assert lines[2:] == [reply([code]) for code in (UNKNOWN_METHOD, *bad, CONTACT)]
 
 
+def test_the_log_says_what_is_at_which_port(
+    methods: RobotProgramMethods, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("INFO", "contactsense")
+    with ports(methods) as places:
+        expected = {
+            f"robot programs: {kind} at 127.0.0.1:{places[option][1]}"
+            for kind, option in (("XML-RPC", "--xmlrpc-port"), ("line socket", "--line-port"))
+        }
+    assert expected <= {record.getMessage() for record in caplog.records}
+
+
 def test_connections_are_limited(methods: RobotProgramMethods) -> None:
     with (
         ports(methods, connections=1) as places,

@@ -66,6 +66,17 @@ def test_it_shows_what_the_service_sends_and_comes_back_after_a_loss() -> None:
             source.close()
 
 
+def test_a_service_that_has_ended_is_told_without_python() -> None:
+    with service(PUSH) as (url, _):
+        source = LiveSource(ServiceCalls(url))
+        assert until(lambda: source.frame().estimate is not None)
+    try:
+        assert until(lambda: "the service cannot be heard, trying again: Connection refused" in source.note())
+        assert until(lambda: source.frame().estimate is None)
+    finally:
+        source.close()
+
+
 def test_estimates_of_another_arm_are_refused() -> None:
     foreign = Estimate(0.0, "none", (), np.zeros(4), np.zeros(6), np.eye(6))
     with service(foreign) as (url, _):
