@@ -53,8 +53,8 @@ STAGE_FACTOR = 3.0
 """Factor on the standard deviation of the noise from each stage to the one before."""
 REACH = 0.06
 """Searches begin at samples whose cell is nearer to the line of action than this [m], on the side where the
-force pushes and on the other: the way to the mode may lead around an edge. With 30 mm instead, two more of 27
-contacts have no answer (`contactsense bench tilt`)."""
+force pushes and on the other: the way to the mode may lead around an edge. With 30 mm, 12 instead of 10 of 27
+such contacts have no answer."""
 SAME_MODE_SIGMAS = 2.0
 """A place that is nearer to a mode on its primitive than this many standard deviations belongs to it: in a
 narrow valley, searches end at different places of its bottom."""

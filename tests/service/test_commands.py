@@ -262,7 +262,7 @@ def test_a_taken_port_is_told() -> None:
     assert "--port 0 takes a free port" in err
     status, _, err = run("serve", "--port", port, "--line-port", port)
     assert status == 1
-    assert f"line_port: cannot listen at 127.0.0.1:{port}" in err
+    assert f"--line-port: cannot listen at 127.0.0.1:{port}" in err
     assert "Traceback" not in err
 
 
