@@ -112,32 +112,51 @@ def order_distinct(
 def _is_duplicate_set(
     link: np.ndarray, explanations: Explanations, t: int, count_kept: int, min_separation: float
 ) -> bool:
-    """Whether one of the first `count_kept` explanations has the same contacts.
-
-    In any order, within `min_separation` [m] or `MIN_SEPARATION_STD` of their standard deviations.
-    """
+    """Whether one of the first `count_kept` explanations has the same contacts, in any order."""
     for i in range(count_kept):
         u = explanations.order[i]
-        if explanations.contacts[u] != explanations.contacts[t]:
-            continue
-        near = 0
-        for a in range(explanations.contacts[t]):
-            for b in range(explanations.contacts[t]):
-                if link[explanations.primitive[u, b]] == link[explanations.primitive[t, a]] and _are_close(
-                    explanations, (u, b), (t, a), min_separation
+        if explanations.contacts[u] == explanations.contacts[t] and _match_one_to_one(
+            link, explanations, u, t, min_separation
+        ):
+            return True
+    return False
+
+
+@fused_kernel
+def _match_one_to_one(
+    link: np.ndarray, explanations: Explanations, u: int, t: int, min_separation: float
+) -> bool:
+    """Whether each contact of explanation `t` has one of its own in `u`, on its link and near it.
+
+    By Hall's marriage theorem this is so if any n contacts of `t` have at least n near ones in `u`.
+    """
+    contacts = explanations.contacts[t]
+    for subset in range(1, 1 << contacts):
+        chosen = near = 0
+        for a in range(contacts):
+            chosen += subset >> a & 1
+        for b in range(contacts):
+            for a in range(contacts):
+                if (
+                    subset >> a & 1
+                    and link[explanations.primitive[u, b]] == link[explanations.primitive[t, a]]
+                    and _are_close(explanations, (u, b), (t, a), min_separation)
                 ):
                     near += 1
                     break
-        if near == explanations.contacts[t]:
-            return True
-    return False
+        if near < chosen:
+            return False
+    return True
 
 
 @fused_kernel
 def _are_close(
     explanations: Explanations, first: tuple[int, int], second: tuple[int, int], min_separation: float
 ) -> bool:
-    """Whether two contacts, each given by explanation and index in it, are at one place."""
+    """Whether two contacts, each given by explanation and index in it, are at one place.
+
+    Within `min_separation` [m] or `MIN_SEPARATION_STD` of their standard deviations.
+    """
     c, d = explanations.point[first], explanations.point[second]
     C, D = explanations.covariance[first], explanations.covariance[second]
     variance = min(C[0, 0] + C[1, 1] + C[2, 2], D[0, 0] + D[1, 1] + D[2, 2])
