@@ -73,6 +73,10 @@ class _Statistics(NamedTuple):
     int64."""
     counts: np.ndarray
     """Samples that are free, touched, degraded, usable, and in which each sensor is missing, int64."""
+    held: np.ndarray
+    """Squared ratios of the newest sample, free unless the next one has a contact, shape (6 + n,)."""
+    held_counts: np.ndarray
+    """How many samples, base wrenches and joint torques they are, 0 or 1 each, shape (3,), int64."""
 
 
 class ResidualStatistics:
@@ -94,6 +98,8 @@ class ResidualStatistics:
             np.zeros(6 + joints),
             np.zeros(2, dtype=np.int64),
             np.zeros(4 + MAX_SENSORS, dtype=np.int64),
+            np.zeros(6 + joints),
+            np.zeros(3, dtype=np.int64),
         )
 
     def add(self, found: BlockEstimates) -> None:
@@ -109,9 +115,10 @@ class ResidualStatistics:
 
     def summary(self) -> ResidualSummary:
         """Summary of the blocks so far."""
-        width, largest, std, squares, squared, counts = self._collected
+        width, largest, std, squares, squared, counts, held, held_counts = self._collected
         filled = np.flatnonzero(np.isfinite(largest[:, 0]))
         free, touched, degraded, usable, *missing = counts.tolist()
+        free, squares, squared = free + int(held_counts[0]), squares + held, squared + held_counts[1:]
         ratio = np.sqrt(squares / np.repeat(np.maximum(squared, 1), (6, len(squares) - 6)))
         largest, std = largest[filled], std[filled]
         return ResidualSummary(
@@ -145,7 +152,7 @@ def _add(
     collected: _Statistics,
 ) -> None:
     """Add a block, see `ResidualStatistics`; the first eight as in `contactsense.BlockEstimates`."""
-    width, largest, std, squares, squared, counts = collected
+    width, largest, std, _, _, counts, held, held_counts = collected
     n, bins = joint_torque.shape[1], largest.shape[0]
     for i in range(t.shape[0]):
         touched, degraded = flags[i] & TOUCHED != 0, flags[i] & DEGRADED != 0
@@ -153,21 +160,24 @@ def _add(
         counts[2] += degraded
         for k in range(MAX_SENSORS):
             counts[4 + k] += flags[i] & MISSING << k != 0
+        # An onset is detected at the second sample above the threshold; the first one is part of the contact.
+        if not touched:
+            _count_held(collected)
+        held[:] = 0.0
+        held_counts[:] = 0
         if not math.isfinite(energy[i]):
             continue
         counts[3] += usable[i, 0] or usable[i, 1]
-        # An onset is detected at the second sample above the threshold; the first one is part of the contact.
-        first_touched = i + 1 < t.shape[0] and flags[i + 1] & TOUCHED != 0
-        if not (touched or degraded or first_touched):
-            counts[0] += 1
+        if not (touched or degraded):
+            held_counts[0] = 1
             if usable[i, 0]:
-                squared[0] += 1
+                held_counts[1] = 1
                 for k in range(6):
-                    _add_square(base_wrench[i, k] / base_wrench_std[i, k], k, squares)
+                    held[k] = _square(base_wrench[i, k] / base_wrench_std[i, k])
             if usable[i, 1]:
-                squared[1] += 1
+                held_counts[2] = 1
                 for k in range(n):
-                    _add_square(joint_torque[i, k] / joint_torque_std[i, k], 6 + k, squares)
+                    held[6 + k] = _square(joint_torque[i, k] / joint_torque_std[i, k])
         while t[i] - start > (bins + 1) * width[0]:
             _join_bins(largest)
             _join_bins(std)
@@ -197,10 +207,19 @@ def _join_bins(kept: np.ndarray) -> None:
 
 
 @kernel
-def _add_square(ratio: float, k: int, squares: np.ndarray) -> None:
-    """Add the square of a ratio unless the sensor has no noise or no value."""
-    if math.isfinite(ratio):
-        squares[k] += ratio * ratio
+def _count_held(collected: _Statistics) -> None:
+    """Count the sample before as free, if it is held."""
+    collected.counts[0] += collected.held_counts[0]
+    for k in range(2):
+        collected.squared[k] += collected.held_counts[1 + k]
+    for k in range(collected.squares.shape[0]):
+        collected.squares[k] += collected.held[k]
+
+
+@kernel
+def _square(ratio: float) -> float:
+    """Square of a ratio; 0 if the sensor has no noise or no value."""
+    return ratio * ratio if math.isfinite(ratio) else 0.0
 
 
 @kernel
