@@ -65,9 +65,11 @@ class Service:
         """Waiting webhooks; delivered while the service runs."""
         self.latches: LatchStore
         """Latched collisions in the journal's file; open while the service runs."""
+        rules = self._load_rules(self.scene)
+        settings.check_robot_address(rules)
         try:
             self.reactions = Reactions(
-                self._load_rules(self.scene),
+                rules,
                 settings.robot_host,
                 lambda command: self.runner.send(command),
                 settings.robot_port,

@@ -29,6 +29,7 @@ from contactsense.service.controllers.settings import ControllerSettings
 from contactsense.service.events.journal import JournalSettings
 from contactsense.service.live.listener import Listener
 from contactsense.service.logs import Format, Level
+from contactsense.service.reactions.rules import ReactionRules
 from contactsense.service.reactions.state import ReactionSettings
 from contactsense.service.recordings.clip_listener import ClipListener, RecordingSettings
 from contactsense.service.scene.skin_meshes import check_meshes
@@ -42,6 +43,8 @@ READERS = (
     "wrist_fields", "link_wrenches", "constant_readings",
 )  # fmt: skip
 """Settings of how the robot and its sensors are read: without effect where the service reads no robot."""
+_REACTIONS_TOO = ("robot_host", "robot_port")
+"""Settings by which reactions find the robot, unless their rules have its address."""
 _VARIABLES = ("wrist_fields", "link_wrenches")
 """Those of them that have no option."""
 
@@ -311,6 +314,32 @@ class Settings(BaseModel):
             return (f"{option} is not used: the scene has no base_wrench",)
         return ()
 
+    def check_robot_address(self, rules: ReactionRules | None) -> None:
+        """Check that the robot's address is of use: where a controller sends the samples, only reactions
+        connect to the robot, and their rules may have its address.
+
+        Args:
+            rules: The rules; None if there are none.
+
+        Raises:
+            SettingsError: It is without effect.
+        """
+        given = [name for name in _REACTIONS_TOO if name in self.model_fields_set]
+        if self.controllers.source != "push" or not given:
+            return
+        if rules is None:
+            why = "there are no rules"
+        elif rules.robot.host is not None:
+            why = f"the rules have the robot's address, {rules.robot.host}"
+        elif self.robot_host is None:
+            why = "there is no --robot-host"
+        else:
+            return
+        raise SettingsError(
+            f"{_option(given[0])} is for reactions only with --source push, where the controller sends the "
+            f"samples: expected none, as {why}"
+        )
+
     def listeners(self) -> tuple[Callable[[Scene], Listener], ...]:
         """Factories of the pipeline's listeners, picklable.
 
@@ -338,6 +367,7 @@ class Settings(BaseModel):
         """
         readers = [name for name in READERS if name in self.model_fields_set]
         if self.controllers.source == "push":
+            readers = [name for name in readers if name not in _REACTIONS_TOO]
             if readers:
                 raise SettingsError(
                     f"{_option(readers[0])} is for samples that are read from the robot: expected it without "

@@ -7,9 +7,12 @@ import pytest
 from click.testing import CliRunner
 
 from contactsense import Scene
+from contactsense.service.api.app import create_app
 from contactsense.service.api.settings import Settings, SettingsError
 from contactsense.service.api.variables import misspelled
 from contactsense.service.cli.scene_show import show
+from contactsense.service.reactions.rules import ReactionRules
+from contactsense.service.reactions.state import Reactions
 from tests.service.seven_joints import seven_joints
 from tests.service.ur_rtde import ur_rtde_installed
 
@@ -150,7 +153,7 @@ def test_a_sensor_without_a_robot_is_refused(given: dict[str, str]) -> None:
     ("given", "said"),
     [
         ({"ft_host": "192.0.2.2"}, "--ft-host"),
-        ({"robot_port": 30004}, "--robot-port"),
+        ({"robot_rate": 125.0, "robot_client": "rtde"}, "--robot-client"),
         ({"wrist_fields": "a"}, "CONTACTSENSE_WRIST_FIELDS"),
         ({"constant_readings": True}, "--constant-readings"),
     ],
@@ -165,9 +168,49 @@ def test_readers_of_a_robot_are_refused_where_a_controller_sends_the_samples(
         settings.open_source(settings.load_scene())
 
 
+def _rules(**robot: object) -> ReactionRules:
+    return ReactionRules.model_validate(
+        {
+            "robot": robot,
+            "actions": {"tell": {"type": "registers"}},
+            "rules": [{"name": "any", "links": ["any"], "contact": {"force": 10, "actions": ["tell"]}}],
+        }
+    )
+
+
+def pushed(**given: object) -> Settings:
+    """Settings of a service to which a controller sends the samples."""
+    return Settings.model_validate({"controllers": {"source": "push"}, **given})
+
+
 def test_the_address_of_the_robot_remains_of_use_to_reactions() -> None:
-    settings = Settings.model_validate({"controllers": {"source": "push"}, "robot_host": "192.0.2.1"})
+    settings, rules = pushed(robot_host="192.0.2.1", robot_port=30014), _rules()
+    settings.check_robot_address(rules)
     assert settings.open_source(settings.load_scene()) is not None
+    reactions = Reactions(rules, settings.robot_host, lambda _: True, settings.robot_port)
+    assert reactions.rules is not None
+    assert reactions.rules.robot.rtde_port == 30014
+
+
+@pytest.mark.parametrize(
+    ("given", "rules", "why"),
+    [
+        ({"robot_host": "192.0.2.1"}, None, "--robot-host .* as there are no rules"),
+        (
+            {"robot_host": "192.0.2.1"},
+            _rules(host="192.0.2.9"),
+            "--robot-host .* as the rules have the robot's address, 192.0.2.9",
+        ),
+        ({"robot_port": 30014}, _rules(), "--robot-port .* as there is no --robot-host"),
+    ],
+)
+def test_an_address_of_the_robot_without_use_is_refused(
+    given: dict[str, object], rules: ReactionRules | None, why: str
+) -> None:
+    with pytest.raises(SettingsError, match=f"^{why}$"):
+        pushed(**given).check_robot_address(rules)
+    with pytest.raises(SettingsError, match=r"^--robot-host is for reactions only with --source push"):
+        create_app(pushed(robot_host="192.0.2.1"))
 
 
 def test_a_sensor_that_the_scene_does_not_have_is_named(tmp_path: Path) -> None:
