@@ -6,13 +6,14 @@ from collections.abc import Callable
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, Field
 from starlette.exceptions import HTTPException
 from starlette.requests import HTTPConnection
 
 from contactsense.service.api.errors import BODY_REFUSALS, FieldRefusedError, Responses
 from contactsense.service.api.json_route import JsonRoute
 from contactsense.service.api.messages import ErrorOut
+from contactsense.service.api.request_body import RequestBody
 from contactsense.service.recordings.clip_listener import RecordingSettings
 
 router = APIRouter(route_class=JsonRoute)
@@ -27,10 +28,8 @@ _NO_SAMPLES: Responses = {
 }
 
 
-class ClipIn(BaseModel):
+class ClipIn(RequestBody):
     """Time span of a clip."""
-
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
     before: float | None = Field(None, gt=0.0, description="Time before now [s]; default: the service's.")
     after: float | None = Field(None, gt=0.0, description="Time after now [s]; default: the service's.")
@@ -56,10 +55,8 @@ class ClipsOut(BaseModel):
     clips: list[ClipOut]
 
 
-class RecordingIn(BaseModel):
+class RecordingIn(RequestBody):
     """Start or stop a recording."""
-
-    model_config = ConfigDict(extra="forbid")
 
     on: bool
 

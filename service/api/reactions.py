@@ -3,13 +3,14 @@
 from typing import Annotated
 
 from fastapi import APIRouter, Depends
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 from starlette.exceptions import HTTPException
 from starlette.requests import HTTPConnection
 
 from contactsense.service.api.errors import BODY_REFUSALS, FieldRefusedError, Responses
 from contactsense.service.api.json_route import JsonRoute
 from contactsense.service.api.messages import ErrorOut
+from contactsense.service.api.request_body import RequestBody
 from contactsense.service.reactions.health import ReactionsOut
 from contactsense.service.reactions.rules import ReactionRules
 from contactsense.service.reactions.state import Reactions
@@ -20,18 +21,14 @@ _NOT_POSSIBLE: Responses = {
 }
 
 
-class AcknowledgeIn(BaseModel):
+class AcknowledgeIn(RequestBody):
     """Which collisions to acknowledge."""
-
-    model_config = ConfigDict(extra="forbid", strict=True)
 
     rule: str | None = Field(None, description="Name of a rule; null or left out: all of them.")
 
 
-class ExpectedIn(BaseModel):
+class ExpectedIn(RequestBody):
     """An expected contact of the rules file."""
-
-    model_config = ConfigDict(extra="forbid", strict=True)
 
     name: str = Field(description="Its name.")
     open: bool = Field(True, description="true: open its window, for at most its timeout; false: close it.")

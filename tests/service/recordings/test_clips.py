@@ -255,6 +255,8 @@ def test_bad_requests_name_the_field(service: tuple[str, Path]) -> None:
     url, _ = service
     answer = http.post(f"{url}/v1/clip", json={"before": -1.0})
     assert (answer.status_code, answer.json()["errors"][0]["field"]) == (422, "before")
+    answer = http.post(f"{url}/v1/recording", json={"on": "yes"})
+    assert (answer.status_code, answer.json()["errors"][0]["field"]) == (422, "on")
 
 
 @pytest.mark.parametrize("span", [{"after": 1e9}, {"before": 1e9}, {"before": 100.0, "after": 21.0}])
