@@ -6,8 +6,9 @@ force then moment, moments about the base origin.
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
+from pydantic import BaseModel, Discriminator, Field, Tag
 
+from contactsense.service.api.request_body import RequestBody
 from contactsense.service.events.model import ContactEvent
 from contactsense.service.reactions.health import ReactionsHealth
 from contactsense.types import Phase, Status
@@ -19,11 +20,7 @@ MAX_SAMPLES = 10_000
 """Largest number of samples in one request."""
 
 
-class _In(BaseModel):
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, strict=True)
-
-
-class SampleIn(_In):
+class SampleIn(RequestBody):
     """Readings of the sensors at one instant, with the arm at rest."""
 
     q: Numbers = Field(description="Joint positions [rad], one per joint.")
@@ -60,7 +57,7 @@ class LocateOneIn(SampleIn):
     )
 
 
-class LocateManyIn(_In):
+class LocateManyIn(RequestBody):
     """Several samples to locate, each by itself."""
 
     samples: list[SampleIn] = Field(min_length=1, max_length=MAX_SAMPLES, description="The samples.")
@@ -235,6 +232,11 @@ class SourceHealth(BaseModel):
     robot: SensorHealth = Field(SensorHealth(), description="The robot's controller.")
     base_wrench: SensorHealth | None = Field(
         None, description="The force/torque sensor under the base; null where none is read over the network."
+    )
+    link_wrenches: dict[str, SensorHealth] = Field(
+        {},
+        description="Those within the arm that are read over the network, by their name in the scene's "
+        "link_wrenches.",
     )
 
 

@@ -84,7 +84,8 @@ class ServiceCollector(Collector):
         yield requests
         received = CounterMetricFamily("contactsense_received", "Readings received.", labels=["sensor"])
         lost = CounterMetricFamily("contactsense_lost", "Readings lost on their way.", labels=["sensor"])
-        for name, sensor in (("robot", source.robot), ("base_wrench", source.base_wrench)):
+        within = ((f"link_wrenches.{name}", sensor) for name, sensor in source.link_wrenches.items())
+        for name, sensor in (("robot", source.robot), ("base_wrench", source.base_wrench), *within):
             if sensor is not None:
                 received.add_metric([name], sensor.received)
                 lost.add_metric([name], sensor.lost)

@@ -334,4 +334,7 @@ def _as_message(health: source_health.SourceHealth, error_times: ErrorTimes) -> 
         unusable=health.unusable,
         robot=sensor("robot", health.robot),
         base_wrench=None if health.wrench is None else sensor("base_wrench", health.wrench),
+        link_wrenches={
+            name.removeprefix("link_wrenches."): sensor(name, stream) for name, stream in health.links.items()
+        },
     )

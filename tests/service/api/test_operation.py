@@ -10,6 +10,7 @@ import pytest
 
 from contactsense.service import logs
 from contactsense.service.api.app import create_app
+from contactsense.service.api.messages import SensorHealth, SourceHealth
 from contactsense.service.api.settings import Settings
 from contactsense.service.reactions.health import ActionHealth
 from tests.service import fakes, http
@@ -53,6 +54,15 @@ def test_steps_become_a_histogram() -> None:
     assert 'contactsense_step_seconds_bucket{le="5e-05"} 3.0' in lines
     assert 'contactsense_step_seconds_bucket{le="+Inf"} 7.0' in lines
     assert "contactsense_step_seconds_sum 0.5" in lines
+
+
+def test_every_sensor_on_the_network_has_its_counters() -> None:
+    service = create_app(Settings()).state.service
+    service.runner.source = SourceHealth(link_wrenches={"elbow": SensorHealth(received=7, lost=3)})
+    lines = service.metrics.text().decode().splitlines()
+    assert 'contactsense_received_total{sensor="link_wrenches.elbow"} 7.0' in lines
+    assert 'contactsense_lost_total{sensor="link_wrenches.elbow"} 3.0' in lines
+    assert service.health().source.link_wrenches["elbow"].lost == 3
 
 
 def test_a_reload_takes_a_good_scene_and_leaves_a_bad_one(tmp_path: Path) -> None:

@@ -9,8 +9,10 @@ import pytest
 
 from contactsense import Estimate, Sample
 from contactsense.service.api.messages import EstimateOut
-from contactsense.service.live.pipeline_process import ESTIMATE, HEAD, HEALTH, Outbox, run
-from contactsense.service.sensors.robot_stream import StreamHealth
+from contactsense.service.live.error_times import ErrorTimes
+from contactsense.service.live.pipeline_process import ESTIMATE, HEAD, HEALTH, Outbox, _as_message, run
+from contactsense.service.sensors.netft_client import WrenchHealth
+from contactsense.service.sensors.robot_stream import State, StreamHealth
 from contactsense.service.sensors.source_health import SourceHealth
 
 
@@ -102,3 +104,23 @@ def test_samples_become_messages() -> None:
     assert report["source"]["robot"] == robot
     assert (report["source"]["without_wrench"], report["source"]["unusable"]) == (4, 3)
     assert report["pipeline"]["alive"]
+
+
+def test_each_sensor_on_the_network_has_its_state() -> None:
+    def wrench(state: State, error: str, received: int, lost: int) -> WrenchHealth:
+        return WrenchHealth(state, error, received, lost, 0, 0, 0, 0, 0, 0, 1000.0, 0.001)
+
+    health = SourceHealth(
+        StreamHealth(state="streaming", received=500),
+        wrench("streaming", "", 499, 0),
+        unusable=0,
+        without_wrench=0,
+        wrench_age=0.001,
+        links={"link_wrenches.elbow": wrench("waiting", "no answer", 7, 3)},
+    )
+    told = _as_message(health, ErrorTimes(lambda: "2026-01-01T00:00:00Z"))
+    assert told.base_wrench is not None
+    assert told.base_wrench.received == 499
+    elbow = told.link_wrenches["elbow"]
+    assert (elbow.state, elbow.received, elbow.lost) == ("waiting", 7, 3)
+    assert (elbow.last_error, elbow.last_error_time) == ("no answer", "2026-01-01T00:00:00Z")
