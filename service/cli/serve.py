@@ -34,7 +34,10 @@ READY = "serving at "
 @click.command()
 @click.option("--scene", type=click.Path(path_type=Path), help="Scene file (YAML).")
 @click.option("--robot", help="Robot to assume where there is no scene file.  [default: ur5e]")
-@sensor_options("Address of the robot's controller; without it only POST /v1/locate works.")
+@sensor_options(
+    "Address of the robot's controller; without it only POST /v1/locate works. With --source push: the robot "
+    "that reactions act on."
+)
 @click.option("--host", help="Address to serve at.  [default: 127.0.0.1]")
 @click.option("--port", type=int, help="Port to serve at; 0 takes a free one.  [default: 8000]")
 @click.option(
@@ -179,10 +182,11 @@ class _Server(uvicorn.Server):
 
 
 class _LogLines:
-    """Logs the progress of the first compilation, one line per tenth."""
+    """Logs the progress of the first compilation, one line per tenth that is done. The service itself logs
+    that it has begun."""
 
     def __init__(self) -> None:
-        self._step = -1
+        self._step = 0
 
     def update(self, progress: CompilationProgress) -> None:
         """Log this progress."""

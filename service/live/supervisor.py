@@ -119,10 +119,10 @@ class Runner:
         """Time since which the service has had this status."""
         if open_source is None:
             self._process = "none"
-        self._look()
 
     def start(self) -> None:
         """Start the process and supervise it."""
+        self._look()
         if self._open_source is None:
             self.loaded.set()
         elif self._task is None:

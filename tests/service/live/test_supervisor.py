@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import errno
 import json
+import logging
 import multiprocessing
 import os
 import signal
@@ -217,3 +218,12 @@ def test_nothing_to_run() -> None:
         await runner.stop()
 
     asyncio.run(scenario())
+
+
+def test_nothing_is_logged_before_the_start(caplog: pytest.LogCaptureFixture) -> None:
+    """A service that is refused at its start has had no status."""
+    caplog.set_level(logging.INFO, "contactsense")
+    runner = Runner(SCENE, None, lambda t, message: None)
+    assert not caplog.messages
+    runner.start()
+    assert caplog.messages == ["idle: no robot is configured: only POST /v1/locate works"]
