@@ -79,9 +79,7 @@ def view(
             source = _recorded(file, scene)
             page = _page(host, port)
             viewer = Viewer(page, source.scene)
-            with viewer.controls:
-                source.add_controls(page.gui)
-            viewer.controls.visible = True
+            viewer.add_controls(source.title, source.add_controls)
             run(lambda: viewer.draw(source.frame(), source.note()), over)
             viewer.close()
     except (SceneError, LiveError, RecordingError) as error:

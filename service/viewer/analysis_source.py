@@ -32,6 +32,9 @@ def is_analysis(path: Path) -> bool:
 class AnalysisSource:
     """The contacts of a table, one of which is shown."""
 
+    title = "Contacts"
+    """Label of its controls."""
+
     def __init__(self, path: Path, scene: Scene | None) -> None:
         """Read the table.
 

@@ -14,12 +14,17 @@ from contactsense.service.viewer.playback_clock import SPEEDS, PlaybackClock
 
 LEAD = 0.5
 """Time before a contact to which a jump leads [s]."""
+CHOOSE = "choose one"
+"""What the list of contacts shows before one is chosen."""
 FOLLOW = 0.2
 """Shortest time between two movements of the slider [s]."""
 
 
 class RecordedSource:
     """A recording that is played."""
+
+    title = "Recording"
+    """Label of its controls."""
 
     def __init__(self, path: Path, scene: Scene) -> None:
         """Read and estimate the recording; it stands at its beginning.
@@ -64,7 +69,7 @@ class RecordedSource:
         onsets = [event for event in self._playback.events if event.kind == "onset"]
         names = {f"{event.t:.1f} s {event.link}": event.t for event in onsets}
         if names:
-            jump = gui.add_dropdown("Contact", ["", *names], initial_value="")
+            jump = gui.add_dropdown("Contact", [CHOOSE, *names], initial_value=CHOOSE)
 
             @jump.on_update
             def _(_: object) -> None:

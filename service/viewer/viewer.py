@@ -81,8 +81,8 @@ class Viewer:
         self._note = page.gui.add_markdown("")
         self._words = page.gui.add_markdown("The surface of the arm is being prepared.")
         self._latches = LatchPanel(page.gui, acknowledge)
-        self.controls = page.gui.add_folder("Recording", visible=False)
-        """Folder for the controls of a recording; hidden."""
+        self.controls = page.gui.add_folder("", visible=False)
+        """Folder for the controls of a file; hidden until there are any."""
         self._plot = ForcePlot(page.gui, scene.contacts)
         self._arm = ArmNodes(page.scene, scene)
         self._arm.move(usual_posture(len(scene.robot.joints)))
@@ -93,6 +93,18 @@ class Viewer:
         self._drawn = self._worded = -float("inf")
         self.cameras = Cameras(page, scene, self._arm.gravity)
         page.gui.add_html(STYLE)
+
+    def add_controls(self, title: str, add: Callable[[viser.GuiApi], None]) -> None:
+        """Show the controls of a file.
+
+        Args:
+            title: What they are for.
+            add: Adds them.
+        """
+        self.controls.label = title
+        with self.controls:
+            add(self._page.gui)
+        self.controls.visible = True
 
     def draw(self, frame: Frame, note: str = "", latches: tuple[Latch, ...] = ()) -> None:
         """Draw a frame, with what the source says of itself and the latched collisions."""

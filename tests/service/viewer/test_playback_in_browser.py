@@ -59,6 +59,12 @@ def wait_until(page: Page, time_shown: float) -> None:
         time.sleep(0.2)
 
 
+def test_the_list_of_contacts_asks_to_choose_one(page: Page) -> None:
+    assert "Recording" in page.text()
+    values = page.evaluate("[...document.querySelectorAll('input')].map((input) => input.value)")
+    assert "choose one" in values
+
+
 def test_it_plays_to_its_end(page: Page) -> None:
     assert at(page) == 0.0
     assert "is touched" not in page.text()

@@ -13,6 +13,7 @@ from contactsense.service.cli.lazy import missing
 from contactsense.service.cli.view import view
 from contactsense.service.recordings import RecordingError
 from contactsense.service.viewer.analysis_source import AnalysisSource, is_analysis
+from contactsense.service.viewer.viewer import Viewer, serve_page
 from tests.service.viewer.estimates import POSTURE, contact
 
 SCENE = Scene(robot="ur5e")
@@ -79,6 +80,17 @@ def test_contacts_of_an_analysis_are_shown_as_they_were_found(table: Path) -> No
     for name in ("point", "point_base", "normal_base", "force_base", "covariance"):
         np.testing.assert_array_equal(getattr(shown, name), getattr(truth, name))
     np.testing.assert_array_equal(frame.q, POSTURE)
+
+
+def test_the_controls_say_what_they_are_for(table: Path) -> None:
+    source = AnalysisSource(table, SCENE)
+    viewer = Viewer(serve_page("127.0.0.1", 0), SCENE)
+    try:
+        assert not viewer.controls.visible
+        viewer.add_controls(source.title, source.add_controls)
+        assert (viewer.controls.visible, viewer.controls.label) == (True, "Contacts")
+    finally:
+        viewer.close()
 
 
 def test_a_table_without_its_recording_needs_a_scene(table: Path) -> None:
