@@ -1,7 +1,7 @@
 """`StaticLocalizer`: explains measurements of an arm at rest, each independent of all others."""
 
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import nullcontext
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
 from typing import Literal, get_args
 
 import numpy as np
@@ -23,7 +23,7 @@ from contactsense.runtime.parallel_batch import explain_rows
 from contactsense.runtime.result_rows import WIDTH
 from contactsense.runtime.state import empty_state
 from contactsense.scene import Scene
-from contactsense.scene_model.constants import build_constants
+from contactsense.scene_model.constants import Constants, build_constants
 from contactsense.scene_model.skin_grids import skin_argument
 from contactsense.sensors.link_values import by_field
 from contactsense.sensors.sample_fields import SENSORS, SampleFields
@@ -85,6 +85,32 @@ class StaticLocalizer:
         # so far.
         self._detection_limits: dict[Usable, tuple[float, float, int]] = {}
         self._process: Callable[..., int]
+
+    @property
+    def constants(self) -> Constants:
+        """What the kernels know of the scene; read-only, as it does not change with samples."""
+        return self._buffers.constants
+
+    @contextmanager
+    def torque_variance(self, variance: np.ndarray) -> Iterator[None]:
+        """Within the context, `locate` takes the joint torques for ones with this noise, as means of many
+        samples have less of it. With `detect=False` only: thresholds remain those of the scene.
+
+        Args:
+            variance: Variance of each joint torque, shape (n,) [Nm^2].
+
+        Raises:
+            ValueError: A variance is not finite and positive, or their number is not that of the joints.
+        """
+        given, own = np.asarray(variance, dtype=np.float64), self.constants.sensors.torque_variance
+        if given.shape != own.shape or not (np.isfinite(given) & (given > 0.0)).all():
+            raise ValueError(f"variance: expected {len(own)} finite positive numbers, got {given}")
+        kept = own.copy()
+        own[:] = given
+        try:
+            yield
+        finally:
+            own[:] = kept
 
     def locate(
         self,

@@ -28,6 +28,16 @@ def rotation_from_vector(turn: np.ndarray | Sequence[float]) -> np.ndarray:
     return np.asarray(np.eye(3) + np.sin(angle) * axis + (1.0 - np.cos(angle)) * axis @ axis)
 
 
+def frame_along(axis: np.ndarray) -> np.ndarray:
+    """A rotation (3, 3) whose third column is the unit vector along `axis`."""
+    z = axis / np.linalg.norm(axis)
+    x = np.zeros(3)
+    x[int(np.argmin(np.abs(z)))] = 1.0
+    x -= (x @ z) * z
+    x /= np.linalg.norm(x)
+    return np.column_stack((x, np.cross(z, x), z))
+
+
 def cross_matrix(v: np.ndarray | Sequence[float]) -> np.ndarray:
     """The matrix (3, 3) whose product with any vector is the cross product of v (3,) with it."""
     x, y, z = v

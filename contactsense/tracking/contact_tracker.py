@@ -21,11 +21,11 @@ import numpy as np
 
 from contactsense.isolation.link_hypotheses import SensorModel
 from contactsense.kinematics.model import Motion
-from contactsense.kinematics.spatial import dot6
+from contactsense.kinematics.spatial import Six, dot6
 from contactsense.residuals.observers import first_torque
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import kernel
-from contactsense.robots.vectors import vector
+from contactsense.robots.vectors import Vector, cross, rotate, tangents, vector
 from contactsense.tracking.contact_track import HOLD, NEW, NONE, SLIDE, WINDOWS, ContactTrack
 from contactsense.tracking.window_averages import WINDOW_GROWTH
 
@@ -120,18 +120,6 @@ def _most_precise_window(track: ContactTrack, longest_window: int) -> int:
 
 
 @kernel
-def tangents(nx: float, ny: float, nz: float) -> tuple[float, float, float, float, float, float]:
-    """Two unit vectors that span the plane perpendicular to the unit vector n."""
-    if abs(nx) < 0.6:
-        length = math.sqrt(ny * ny + nz * nz)
-        ax, ay, az = 0.0, nz / length, -ny / length
-    else:
-        length = math.sqrt(nx * nx + ny * ny)
-        ax, ay, az = ny / length, -nx / length, 0.0
-    return ax, ay, az, ny * az - nz * ay, nz * ax - nx * az, nx * ay - ny * ax
-
-
-@kernel
 def _window_positions(track: ContactTrack) -> None:
     """Intersection of each window's line of action with the tangent plane, and its normal force.
 
@@ -141,7 +129,7 @@ def _window_positions(track: ContactTrack) -> None:
     cx, cy, cz = vector(track.last_point)
     nx, ny, nz = vector(track.last_normal)
     index = 6 * track.status[0].last_body
-    ax, ay, az, bx, by, bz = tangents(nx, ny, nz)
+    (ax, ay, az), (bx, by, bz) = tangents((nx, ny, nz))
     for i in range(WINDOWS):
         w, window = track.mean[i], track.windows[i]
         fx, fy, fz = w[index], w[index + 1], w[index + 2]
@@ -163,8 +151,8 @@ def _position_covariance(sensors: SensorModel, motion: Motion, track: ContactTra
     cx = o[0] + R[0, 0] * p[0] + R[0, 1] * p[1] + R[0, 2] * p[2]
     cy = o[1] + R[1, 0] * p[0] + R[1, 1] * p[1] + R[1, 2] * p[2]
     cz = o[2] + R[2, 0] * p[0] + R[2, 1] * p[1] + R[2, 2] * p[2]
-    t = tangents(normal[0], normal[1], normal[2])
-    a, b = _moment_row(R, t, 0, cx, cy, cz), _moment_row(R, t, 1, cx, cy, cz)
+    along_a, along_b = tangents(vector(normal))
+    a, b = _moment_row(R, along_a, (cx, cy, cz)), _moment_row(R, along_b, (cx, cy, cz))
     # Along the tangents a and b, n x r has the components -b . r and a . r.
     xx, xy, yy = 0.0, 0.0, 0.0
     for i in range(6):
@@ -176,20 +164,10 @@ def _position_covariance(sensors: SensorModel, motion: Motion, track: ContactTra
 
 
 @kernel
-def _moment_row(
-    R: np.ndarray,
-    t: tuple[float, float, float, float, float, float],
-    axis: int,
-    cx: float,
-    cy: float,
-    cz: float,
-) -> tuple[float, float, float, float, float, float]:
-    """Row u with u . (f, m) = tangent . (m - c x f); tangent 0 or 1 of `tangents`, in base axes."""
-    x, y, z = (t[0], t[1], t[2]) if axis == 0 else (t[3], t[4], t[5])
-    tx = R[0, 0] * x + R[0, 1] * y + R[0, 2] * z
-    ty = R[1, 0] * x + R[1, 1] * y + R[1, 2] * z
-    tz = R[2, 0] * x + R[2, 1] * y + R[2, 2] * z
-    return cy * tz - cz * ty, cz * tx - cx * tz, cx * ty - cy * tx, tx, ty, tz
+def _moment_row(R: np.ndarray, tangent: Vector, c: Vector) -> Six:
+    """Row u with u . (f, m) = t . (m - c x f), t being the tangent in base axes."""
+    t = rotate(R, tangent)
+    return (*cross(c, t), *t)
 
 
 @kernel

@@ -9,8 +9,8 @@ import numpy as np
 
 from contactsense.kinematics.model import Motion
 from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.vectors import add, rotate, scale, tangents, vector
 from contactsense.tracking.contact_track import SLIDE, WINDOWS, ContactTrack
-from contactsense.tracking.contact_tracker import tangents
 
 _MIN_AGE_RATIO = 0.5
 """The age difference of the two windows must be at least this fraction of the newer one's age."""
@@ -60,16 +60,12 @@ def extrapolate_sliding(
         return
     # Shrinkage by the noise (W. James, C. Stein, 1961).
     weight = max(0.0, 1.0 - noise / squared_distance)
-    normal = track.last_normal
-    t = tangents(normal[0], normal[1], normal[2])
-    R = motion.rotation[body]
+    t1, t2 = tangents(vector(track.last_normal))
+    step = scale(weight, add(scale(a, t1), scale(b, t2)))
+    step_base = rotate(motion.rotation[body], step)
     for k in range(3):
-        point[k] += weight * (a * t[k] + b * t[3 + k])
-    for k in range(3):
-        step = 0.0
-        for m in range(3):
-            step += R[k, m] * (a * t[m] + b * t[3 + m])
-        point_base[k] += weight * step
+        point[k] += step[k]
+        point_base[k] += step_base[k]
     # The shift is as uncertain as the velocity.
     for k in range(3):
         covariance[k, k] += 0.5 * min(noise, squared_distance)

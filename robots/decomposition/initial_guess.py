@@ -5,17 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from contactsense.robots.decomposition.least_squares_fit import Bodies
+from contactsense.robots.rotations import frame_along
 from contactsense.robots.surface.convex_primitives import BOX, REVOLVED
-
-
-def frame_along(axis: np.ndarray) -> np.ndarray:
-    """A rotation (3, 3) whose third column is the unit vector along `axis`."""
-    z = axis / np.linalg.norm(axis)
-    x = np.zeros(3)
-    x[int(np.argmin(np.abs(z)))] = 1.0
-    x -= (x @ z) * z
-    x /= np.linalg.norm(x)
-    return np.column_stack((x, np.cross(z, x), z))
 
 
 def one(kind: int, rotation: np.ndarray, origin: np.ndarray, size: tuple[float, ...]) -> Bodies:

@@ -23,7 +23,7 @@ from contactsense.robots.jit.declaration import Floats, Integers
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.primitives import Box, Capsule, Cylinder, Ellipsoid, Primitive, Sphere
 from contactsense.robots.robot import Link
-from contactsense.robots.rotations import rotation_from_rpy
+from contactsense.robots.rotations import frame_along, rotation_from_rpy
 from contactsense.robots.surface.ellipsoid_projection import Dimensions, Projection, nearest_on_ellipsoid
 from contactsense.robots.vectors import Vector
 
@@ -111,13 +111,7 @@ def body(shape: Primitive) -> tuple[int, np.ndarray, np.ndarray, tuple[float, ..
 def _along(a: Sequence[float], b: Sequence[float]) -> tuple[np.ndarray, np.ndarray, float]:
     """Frame with z from `a` to `b`, the middle between them, and their distance."""
     start, end = np.array(a), np.array(b)
-    length = float(np.linalg.norm(end - start))
-    z = (end - start) / length
-    x = np.zeros(3)
-    x[int(np.argmin(np.abs(z)))] = 1.0
-    x -= (x @ z) * z
-    x /= np.linalg.norm(x)
-    return np.column_stack((x, np.cross(z, x), z)), (start + end) / 2.0, length
+    return frame_along(end - start), (start + end) / 2.0, float(np.linalg.norm(end - start))
 
 
 @kernel

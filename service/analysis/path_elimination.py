@@ -15,8 +15,8 @@ from contactsense.kinematics.linalg.cholesky import cholesky
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.surface.union import nearest
+from contactsense.robots.vectors import tangents
 from contactsense.service.analysis.path_arrays import EliminationArrays, PathArrays, WindowSums
-from contactsense.tracking.contact_tracker import tangents
 
 
 @kernel
@@ -36,9 +36,8 @@ def project_knots(surfaces: Surfaces, link: int, places: np.ndarray, frames: np.
         for _ in range(2):
             x, y, z, nx, ny, nz = _nearest(surfaces, link, places[k, 0], places[k, 1], places[k, 2])
             places[k, 0], places[k, 1], places[k, 2] = x, y, z
-        ax, ay, az, bx, by, bz = tangents(nx, ny, nz)
-        frames[k, 0, 0], frames[k, 0, 1], frames[k, 0, 2] = ax, ay, az
-        frames[k, 1, 0], frames[k, 1, 1], frames[k, 1, 2] = bx, by, bz
+        for i, tangent in enumerate(tangents((nx, ny, nz))):
+            frames[k, i, 0], frames[k, i, 1], frames[k, i, 2] = tangent
 
 
 @kernel

@@ -6,12 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from contactsense.kinematics.model import Motion
 from contactsense.localization.accessibility import (
     accessible_share,
     clearance,
     is_mounting_face,
 )
 from contactsense.localization.local_prior import DeviationCells
+from contactsense.localization.primitive_frames import place_primitives
 from contactsense.localization.simd_neighbourhood import QUADRATURE_POINTS, QUADRATURE_WEIGHTS
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
@@ -29,15 +31,6 @@ class BodyFrames(NamedTuple):
     """Origins, shape (P, 3) [m]."""
 
 
-def body_frames(surfaces: Surfaces, rotation: np.ndarray, origin: np.ndarray) -> BodyFrames:
-    """Frames of the primitives where the links have `rotation` (n + 1, 3, 3) and `origin` (n + 1, 3)."""
-    link = np.minimum(surfaces.link, len(origin) - 1)
-    return BodyFrames(
-        rotation[link] @ surfaces.rotation,
-        np.einsum("pij,pj->pi", rotation[link], surfaces.origin) + origin[link],
-    )
-
-
 def log_accessible_share(
     surfaces: Surfaces,
     deviations: DeviationCells,
@@ -45,8 +38,8 @@ def log_accessible_share(
     link: int,
     point: np.ndarray,
     covariance: np.ndarray,
-    rotation: np.ndarray,
-    origin: np.ndarray,
+    depth: np.ndarray,
+    motion: Motion,
 ) -> float:
     """Logarithm of the fraction of a place's neighbourhood that can be touched in one posture.
 
@@ -57,7 +50,8 @@ def log_accessible_share(
         link: The link.
         point: The place, link frame, shape (3,) [m].
         covariance: Its covariance, shape (3, 3) [m^2].
-        rotation, origin: Poses of all links in the base frame, shapes (n + 1, 3, 3) and (n + 1, 3).
+        depth: Body of each link, see `contactsense.isolation.link_hypotheses.SensorModel`.
+        motion: Poses of the bodies.
     """
     d, _, normal = distances(surfaces, point[None], link)
     n = normal[0]
@@ -67,16 +61,22 @@ def log_accessible_share(
     around = on_surface + (QUADRATURE_POINTS * np.sqrt(np.maximum(values, 0.0))) @ (basis.T @ vectors).T
     d, which, normal = distances(surfaces, around, link)
     around -= d[:, None] * normal
-    body = min(link, len(origin) - 1)
-    places, normals = around @ rotation[body].T + origin[body], normal @ rotation[body].T
+    frames = BodyFrames(np.empty_like(surfaces.rotation), np.empty_like(surfaces.origin))
+    _place(surfaces, depth, motion, frames)
+    rotation, origin = motion.rotation[depth[link]], motion.origin[depth[link]]
+    places, normals = around @ rotation.T + origin, normal @ rotation.T
     share = np.empty(len(places))
-    _shares(
-        surfaces, deviations, body_frames(surfaces, rotation, origin), prior, which, places, normals, share
-    )
-    height = rotation[body][2] @ on_surface + origin[body][2]
-    if is_mounting_face(link, height, float(rotation[body][2] @ n), 2.0 * prior.surface_deviation):
+    _shares(surfaces, deviations, frames, prior, which, places, normals, share)
+    height = rotation[2] @ on_surface + origin[2]
+    if is_mounting_face(link, height, float(rotation[2] @ n), 2.0 * prior.surface_deviation):
         return -math.inf
     return math.log(float(QUADRATURE_WEIGHTS @ share) / float(QUADRATURE_WEIGHTS.sum()))
+
+
+@kernel
+def _place(surfaces: Surfaces, depth: np.ndarray, motion: Motion, frames: BodyFrames) -> None:
+    """`place_primitives`, as Python calls it."""
+    place_primitives(surfaces, depth, motion, frames)
 
 
 @kernel

@@ -53,7 +53,7 @@ class ContactSmoother:
         # A separate localizer: that of the recording is between two blocks. Its constants are used, as they
         # take long to build.
         self._scene, self._localizer = scene, Localizer(scene)
-        constants = self._localizer._buffers.constants
+        constants = self._localizer.constants
         self._surfaces, self._deviations = constants.surfaces, constants.deviations
         self._prior = constants.prior
         self._depth, self._sensors = constants.sensors.depth, constants.sensors
@@ -97,7 +97,7 @@ class ContactSmoother:
         """A contact with the forces that belong to the place which `smooth` has found."""
         if self._scene.base_wrench is not None:
             return history
-        return with_forces_at_place(history, smoothed, self._model, self._localizer._buffers.constants)
+        return with_forces_at_place(history, smoothed, self._model, self._localizer.constants)
 
     def _is_beyond_link_sensor(self, history: ContactHistory) -> bool:
         """Whether the live estimates leave it open that something beyond a link sensor was touched. If not,
@@ -170,8 +170,8 @@ class ContactSmoother:
                     place.link,
                     place.point[w],
                     place.covariance[w],
-                    self._motion.rotation,
-                    self._motion.origin,
+                    self._depth,
+                    self._motion,
                 )
             )
         return replace(place, log_evidence=place.log_evidence + min(shares))

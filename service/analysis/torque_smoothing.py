@@ -79,9 +79,9 @@ class TorqueSmoother:
     """Smooths the contacts of one scene from the joint torques alone."""
 
     def __init__(self, localizer: Localizer, model: Model) -> None:
-        """`localizer`: used for single readings, with other noise for each; `model`: its kinematics."""
+        """`localizer`: for single readings, each with noise of its own; `model`: its kinematics."""
         self._localizer, self._model = localizer, model
-        self._constants = localizer._buffers.constants
+        self._constants = localizer.constants
         self._motion = empty_motion(len(localizer.scene.robot.joints))
         samples, surfaces = self._constants.samples, self._constants.surfaces
         links = len(localizer.scene.link_names)
@@ -125,11 +125,10 @@ class TorqueSmoother:
 
     def _stretches(self, history: ContactHistory, windows: ContactWindows) -> list[_Stretch] | None:
         """The stretches of a contact; None if one contact does not explain one of them."""
-        variance = self._constants.sensors.torque_variance
-        model_error = np.mean(history.joint_torque_std**2, axis=0) - self._noise_ratio(history) * variance
+        noise = self._constants.sensors.torque_variance
+        model_error = np.mean(history.joint_torque_std**2, axis=0) - self._noise_ratio(history) * noise
         offset = np.maximum(model_error, 0.0)
         found: list[_Stretch] = []
-        noise = variance.copy()
         waiting = [slice(0, len(windows.t))]
         while waiting:
             here = waiting.pop()
@@ -145,14 +144,11 @@ class TorqueSmoother:
                 return None
             q = windows.q[(here.start + here.stop - 1) // 2]
             reading = weight @ windows.joint_torque[here] / total
-            # The localizer is the smoother's own; its noise is that of the reading for this call only.
-            variance[:] = noise / total + offset * (weight.sum() / total) ** 2
-            try:
+            variance = noise / total + offset * (weight.sum() / total) ** 2
+            with self._localizer.torque_variance(variance):
                 estimate = self._localizer.locate(q, joint_torque=-reading, detect=False)
-                if not any(self._explains(contact, q, reading) for contact in estimate.contacts):
-                    return None
-            finally:
-                variance[:] = noise
+            if not any(self._explains(contact, q, reading, variance) for contact in estimate.contacts):
+                return None
             signal, ratio = total * float(np.sum(reading**2 / noise)), self._ratio(estimate.link_probability)
             found.append(_Stretch(here, signal, ratio, estimate.contacts, q))
         return found
@@ -163,13 +159,12 @@ class TorqueSmoother:
         ratio = np.divide(probability, self._prior * probability.sum(), out=np.ones(len(known)), where=known)
         return np.asarray(DOUBT + (1.0 - DOUBT) * ratio)
 
-    def _explains(self, contact: Contact, q: np.ndarray, reading: np.ndarray) -> bool:
-        """Whether a contact explains the torques, with the noise that the localizer is set to."""
+    def _explains(self, contact: Contact, q: np.ndarray, reading: np.ndarray, variance: np.ndarray) -> bool:
+        """Whether a contact explains the torques, with noise of this variance."""
         forward_kinematics(self._model, q, self._motion)
         moment = np.cross(contact.point_base, contact.force_base) + contact.torsion * contact.normal_base
         torque = self._motion.screw @ np.concatenate((contact.force_base, moment))
         torque[int(self._constants.sensors.depth[contact.link_index]) :] = 0.0
-        variance = self._constants.sensors.torque_variance
         square, size = (float(np.sum(v**2 / variance)) for v in (reading - torque, reading))
         expected = len(reading) + MISFIT * np.sqrt(2.0 * len(reading))
         return bool(square <= expected + MODEL_ERROR**2 * size)

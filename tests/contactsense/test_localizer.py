@@ -264,3 +264,34 @@ def test_a_copy_answers_from_its_own_measurements(
     force(ordinary, 0)
     np.testing.assert_array_equal(force(other, 1), second)
     assert other.scene == ordinary.scene
+
+
+def test_joint_torques_of_less_noise_within_a_context() -> None:
+    """A mean of 16 samples has a quarter of their noise; afterwards all is as before."""
+    scene = Scene(robot="ur5e", base_wrench=None, joint_torque=JointTorqueSensor(noise=1.0))
+    quiet = Scene(robot="ur5e", base_wrench=None, joint_torque=JointTorqueSensor(noise=0.25))
+    q, torque = np.array([0.0, -1.3, 1.6, -1.9, -1.57, 0.0]), np.array([0.63, -3.22, -3.47, 0.0, 0.0, 0.0])
+    localizer = Localizer(scene)
+
+    def answer(of: Localizer) -> np.ndarray:
+        return of.locate(q, joint_torque=torque, detect=False).link_probability
+
+    before = answer(localizer)
+    ratio = Localizer(quiet).constants.sensors.torque_variance / localizer.constants.sensors.torque_variance
+    with localizer.torque_variance(localizer.constants.sensors.torque_variance * ratio):
+        np.testing.assert_allclose(answer(localizer), answer(Localizer(quiet)), rtol=1e-9)
+        assert not np.allclose(answer(localizer), before, rtol=1e-3)
+    np.testing.assert_array_equal(answer(localizer), before)
+    with pytest.raises(RuntimeError, match="within"), localizer.torque_variance(np.ones(6)):
+        raise RuntimeError("within")
+    np.testing.assert_array_equal(answer(localizer), before)
+
+
+@pytest.mark.parametrize("variance", [np.ones(5), np.zeros(6), np.full(6, np.nan)])
+def test_a_variance_that_no_sensor_has_is_refused(variance: np.ndarray) -> None:
+    localizer = Localizer(Scene(robot="ur5e"))
+    before = localizer.constants.sensors.torque_variance.copy()
+    with pytest.raises(ValueError, match=r"^variance: expected 6 finite positive numbers"):  # noqa: SIM117
+        with localizer.torque_variance(variance):
+            raise AssertionError("not reached")
+    np.testing.assert_array_equal(localizer.constants.sensors.torque_variance, before)

@@ -21,7 +21,7 @@ def _log_share(point: tuple[float, float, float]) -> float:
     forward_kinematics(build_model(SCENE.robot), np.zeros(6), motion)
     return log_accessible_share(
         constants.surfaces, constants.deviations, constants.prior, 0, np.array(point), 1e-6 * np.eye(3),
-        motion.rotation, motion.origin,
+        constants.sensors.depth, motion,
     )  # fmt: skip
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from contactsense.kinematics.model import empty_motion
 from contactsense.localization.local_prior import no_cells
 from contactsense.robots.primitives import Box
 from contactsense.robots.robot import Inertia, Link
@@ -143,13 +144,14 @@ def test_how_finely_a_constant_force_is_cut_is_no_evidence_for_a_link() -> None:
 
 def test_a_place_that_another_link_covers_is_inaccessible() -> None:
     both = pack([Link("flat", BODY, (BOX,)), Link("upon it", BODY, (BOX,))])
-    rotation, covariance = np.tile(np.eye(3), (2, 1, 1)), 1e-6 * np.eye(3)
+    motion, covariance = empty_motion(1), 1e-6 * np.eye(3)
+    motion.rotation[:] = np.eye(3)
     point = np.array([0.0, 0.0, TOP])
 
     def log_share(height: float) -> float:
-        origin = np.array([[0.0, 0.0, 0.5], [0.0, 0.0, 0.5 + height]])
+        motion.origin[:, 2] = 0.5, 0.5 + height
         return log_accessible_share(
-            both, no_cells(len(both.kind)), PRIOR, 0, point, covariance, rotation, origin
+            both, no_cells(len(both.kind)), PRIOR, 0, point, covariance, np.arange(2), motion
         )
 
     assert log_share(0.3) == pytest.approx(0.0, abs=1e-6)
