@@ -5,12 +5,11 @@ from pydantic import ConfigDict, Field, NonNegativeFloat, field_validator
 
 from contactsense.robots.file_model import FileModel
 from contactsense.robots.primitives import Primitive, Vector
+from contactsense.robots.principal_moments import check_principal_moments
 from contactsense.robots.robot import Inertia
 from contactsense.robots.rotations import symmetric
 
 _Tensor = tuple[float, float, float, float, float, float]
-_ROUNDING = 0.01
-"""Share of the largest principal moment by which rounded numbers may contradict each other."""
 
 
 class Tool(FileModel):
@@ -33,15 +32,7 @@ class Tool(FileModel):
     @field_validator("tensor")
     @classmethod
     def _is_of_a_body(cls, tensor: _Tensor) -> _Tensor:
-        moments = np.linalg.eigvalsh(symmetric(tensor))
-        # Rounded numbers of a thin plate or rod may be a little beyond what is possible.
-        room = _ROUNDING * float(np.abs(moments).max())
-        if moments[0] < -room or moments[2] > moments[0] + moments[1] + room:
-            shown = ", ".join(f"{moment:.4g}" for moment in moments)
-            raise ValueError(
-                "expected ixx, ixy, ixz, iyy, iyz, izz of a body, whose principal moments are positive and "
-                f"none larger than the sum of the others, got principal moments {shown} kg m^2"
-            )
+        check_principal_moments(symmetric(tensor))
         return tensor
 
     @property

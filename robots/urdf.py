@@ -15,12 +15,11 @@ import trimesh
 from contactsense.robots.arm_chain import longest_way, way_to
 from contactsense.robots.errors import RobotError
 from contactsense.robots.meshes import check_unit, read_mesh
+from contactsense.robots.principal_moments import check_principal_moments
 from contactsense.robots.robot import NO_MASS, Inertia, Joint, Link, Robot
 from contactsense.robots.tool import join_inertia, move_inertia
 from contactsense.robots.urdf_document import MOVING, TURNING, read_document
 
-_INERTIA_TOLERANCE = 0.01
-"""Relative error of rounded inertia tensors."""
 _RADIANS, _PLACEHOLDER = 10.0 * np.pi, 1000.0
 """Limits of a revolute joint between these are in degrees; larger ones are an exporter's for none [rad]."""
 _LIGHT = 1e-3
@@ -250,15 +249,12 @@ def _link(path: Path, name: str, parts: list[tuple[str, np.ndarray]], links: dic
 
 
 def _check_tensor(path: Path, link: str, body: Inertia) -> None:
-    """Refuse an inertia that no body has: principal moments are positive, and none exceeds the sum of the
-    others; a point mass has none."""
-    low, middle, high = np.linalg.eigvalsh(body.tensor)
-    limit = _INERTIA_TOLERANCE * abs(high)
-    if body.mass > _LIGHT and (low < -limit or high > low + middle + limit):
-        raise RobotError(
-            f"{path}: link {link}: inertia: no body has principal moments of {low:.3g}, {middle:.3g}, "
-            f"{high:.3g} kg m^2; the largest may not exceed the sum of the others"
-        )
+    """Refuse an inertia that no body has."""
+    if body.mass > _LIGHT:
+        try:
+            check_principal_moments(body.tensor)
+        except ValueError as error:
+            raise RobotError(f"{path}: link {link}: inertia: {error}") from None
 
 
 def _joint(path: Path, joint: Any, parts: list[tuple[str, np.ndarray]]) -> Joint:

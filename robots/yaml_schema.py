@@ -18,6 +18,7 @@ from pydantic import (
     Field,
     PositiveFloat,
     ValidationError,
+    field_validator,
     model_validator,
 )
 
@@ -27,6 +28,7 @@ from contactsense.robots.field_errors import joined, reasons
 from contactsense.robots.file_model import FileModel
 from contactsense.robots.primitive_extent import beyond
 from contactsense.robots.primitives import Primitive, Vector
+from contactsense.robots.principal_moments import check_principal_moments
 from contactsense.robots.robot import Inertia, Joint, Link, LocalDeviation, Robot
 from contactsense.robots.rotations import rotation_from_rpy, symmetric
 from contactsense.robots.units import FURTHEST, in_metres, within_one_turn
@@ -49,13 +51,11 @@ class LinkEntry(FileModel):
     rpy: Angles = (0.0, 0.0, 0.0)
     tensor: Tensor
 
-    @model_validator(mode="after")
-    def _is_a_body(self) -> "LinkEntry":
-        """Check that the principal moments are positive and that none exceeds the sum of the other two."""
-        moments = np.linalg.eigvalsh(symmetric(self.tensor))
-        if moments[0] <= 0.0 or moments[2] > (moments[0] + moments[1]) * (1.0 + 1e-6):
-            raise ValueError(f"tensor: no real body has principal moments {moments.tolist()} kg m^2")
-        return self
+    @field_validator("tensor")
+    @classmethod
+    def _is_of_a_body(cls, tensor: Tensor) -> Tensor:
+        check_principal_moments(symmetric(tensor))
+        return tensor
 
     def inertia(self) -> Inertia:
         """Mass distribution in the link frame."""
