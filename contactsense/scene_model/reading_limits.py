@@ -24,10 +24,9 @@ and motor torques include acceleration and friction of the rotor."""
 LARGEST_FORCE, LARGEST_MOMENT = 5000.0, 5000.0
 """Largest wrench of a contact about the base origin, where the sensor states no range [N, Nm].
 
-The force is above ten times the 440 N that ISO/TS 15066 permits for a moment on any part of a person (2016,
-table A.2: thighs and knees). The moment is that of this force at one metre; at the end of the longest arm of
-the library, the UR20 with a reach of 1.75 m, that of six times the 440 N. Readings
-in mN or Nmm are beyond them from 5 N or 5 Nm on."""
+The force is more than eight times what a joint at its torque limit can push with at the arm's full reach; for
+the strongest arms of the library 738 Nm at 1.75 m (UR20) and at 1.3 m (UR30), or 422 N and 568 N. The moment
+is more than six times the torque limit. Readings in mN or Nmm are beyond them from 5 N or 5 Nm on."""
 SAME = 0.2
 """Wrenches that differ by less than this share of the arm's weight are taken for the same."""
 ROUNDING = 1e-6

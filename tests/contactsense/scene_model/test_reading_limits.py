@@ -3,12 +3,18 @@
 import numpy as np
 import pytest
 
-from contactsense import Scene, WrenchSensor
+from contactsense import Scene, WrenchSensor, robots
 from contactsense.plausibility.plausible_limits import PlausibleLimits
 from contactsense.robots.jit.kernel import kernel
 from contactsense.scene_model.arm_weight import ArmWeight
 from contactsense.scene_model.constants import build_constants
-from contactsense.scene_model.reading_limits import ReadingLimits, is_base_plausible, is_sample_plausible
+from contactsense.scene_model.reading_limits import (
+    LARGEST_FORCE,
+    LARGEST_MOMENT,
+    ReadingLimits,
+    is_base_plausible,
+    is_sample_plausible,
+)
 from tests.plain_arm import plain_ur5e
 
 ARM = plain_ur5e()
@@ -76,3 +82,19 @@ def test_a_base_wrench_that_is_refused_does_not_pass(scene: Scene, external: boo
         passed, refused = passed + passes, refused + (found is not None)
     assert passed > 500
     assert refused > 200
+
+
+@pytest.mark.parametrize("name", robots.names())
+def test_the_largest_wrench_is_far_beyond_what_an_arm_exerts(name: str) -> None:
+    """As the limits state: eight times the push at full reach, six times the torque."""
+    joints = robots.load(name).joints
+    torque = max(joint.torque_limit for joint in joints)
+    # Stretched out: upper arm, forearm, and the way between the last two wrists.
+    reach = sum(float(np.abs(joint.translation).max()) for joint in joints[2:5])
+    assert 8.0 * torque / reach < LARGEST_FORCE
+    assert 6.0 * torque < LARGEST_MOMENT
+    stated = {"ur20": (738.0, 1.75, 422.0), "ur30": (738.0, 1.3, 568.0)}
+    if name in stated:
+        assert (torque, reach, torque / reach) == pytest.approx(stated[name], abs=0.5, rel=1e-3)
+    else:
+        assert torque < 738.0
