@@ -8,7 +8,7 @@ import numpy as np
 from contactsense.service.drawing.palette import link_colour
 from contactsense.service.drawing.timeline_svg import nice_step
 
-WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 1000, 170, 62, 110, 10, 24
+WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 1000, 170, 62, 120, 10, 24
 
 
 def drift_chart(dates: Sequence[str], values: np.ndarray, names: Sequence[str], unit: str, title: str) -> str:
@@ -55,8 +55,8 @@ def drift_chart(dates: Sequence[str], values: np.ndarray, names: Sequence[str], 
             f'<polyline points="{line}" fill="none" stroke="{colour}"><title>{escape(name)}</title>'
             f"</polyline>"
             f"{dot if len(places) == 1 else ''}"
-            f'<text x="{WIDTH - RIGHT + 8}" y="{TOP + 12 + 15 * j}" style="fill:{colour}">'
-            f"{escape(name)}</text>"
+            f'<circle cx="{WIDTH - RIGHT + 12}" cy="{TOP + 8 + 15 * j}" r="4" fill="{colour}"/>'
+            f'<text x="{WIDTH - RIGHT + 20}" y="{TOP + 12 + 15 * j}">{escape(name)}</text>'
         )
     for i, anchor in ((0, "start"), (len(dates) - 1, "end")) if len(dates) > 1 else ((0, "start"),):
         day = escape(dates[i] or "no date")

@@ -8,6 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from contactsense.benchmarks.browser import browser_page
+from contactsense.benchmarks.fleet.dataset import make_recording, plan, write_scenes
 from contactsense.service.cli.analyze import analyze
 from tests.browser import require_browser
 from tests.service.analysis.recordings import demo, write_motion
@@ -59,27 +60,48 @@ COLOURS = """(() => {
   const hexadecimal = colour => '#' + colour.match(/\\d+/g).slice(0, 3)
     .map(number => (+number).toString(16).padStart(2, '0')).join('');
   const style = name => getComputedStyle(document.querySelector(name));
-  const text = [style('h1').color, style('small').color, style('svg text').fill];
+  const labels = [...document.querySelectorAll('svg text')].map(text => getComputedStyle(text).fill);
+  const text = [style('h1').color, style('small').color, ...new Set(labels)];
   return [style('body').backgroundColor, ...text].map(hexadecimal);
 })()"""
-"""Of the ground, of a heading, of a note, of the labels of a plot."""
+"""Of the ground, of a heading, of a note, of the labels of all plots."""
 
-SMALLEST = """Math.min(...[...document.querySelectorAll('svg text')].map(text =>
-  parseFloat(getComputedStyle(text).fontSize) * text.ownerSVGElement.getBoundingClientRect().width
-  / text.ownerSVGElement.viewBox.baseVal.width))"""
-"""Size of the smallest label of a plot [px]."""
+SMALLEST = """Math.min(...[...document.querySelectorAll('svg text')]
+  .filter(text => text.getClientRects().length)
+  .map(text => parseFloat(getComputedStyle(text).fontSize)
+    * text.ownerSVGElement.getBoundingClientRect().width / text.ownerSVGElement.viewBox.baseVal.width))"""
+"""Size of the smallest label of a plot that is shown [px]."""
+
+
+@pytest.fixture(scope="module")
+def fleet(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The report of one robot on three days, with charts of its drift."""
+    folder = tmp_path_factory.mktemp("fleet")
+    write_scenes(folder / "data", 1)
+    for task in plan(folder / "data", 3, 1, 12.0):
+        make_recording(task)
+    result = CliRunner().invoke(analyze, [str(folder / "data"), "--out", str(folder / "out")])
+    assert result.exit_code == 0, result.output
+    return folder / "out" / "fleet.html"
 
 
 @pytest.mark.slow
-def test_it_can_be_read_in_light_and_dark_on_a_wide_and_a_narrow_screen(report: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "title"), [("report", "Contacts in demo"), ("fleet", "Contacts of a fleet")]
+)
+def test_they_can_be_read_in_light_and_dark_on_a_wide_and_a_narrow_screen(
+    name: str, title: str, request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
     require_browser()
-    with browser_page(report.as_uri(), tmp_path) as (page, _):
-        page.wait_for("Contacts in demo.parquet")
+    page_file: Path = request.getfixturevalue(name)
+    with browser_page(page_file.as_uri(), tmp_path) as (page, _):
+        page.wait_for(title)
         for width, dark in ((1280, False), (400, True), (1280, True)):
             page.imitate(width, 900, dark)
-            ground, heading, note, label = page.evaluate(COLOURS)
+            ground, heading, note, *labels = page.evaluate(COLOURS)
             assert (contrast(ground, "#000000") < 2.0) == dark
             assert contrast(heading, ground) >= 7.0
-            assert min(contrast(note, ground), contrast(label, ground)) >= 4.5  # WCAG 2.2, 1.4.3
+            assert labels
+            assert min(contrast(text, ground) for text in (note, *labels)) >= 4.5  # WCAG 2.2, 1.4.3
             assert page.evaluate(SMALLEST) >= 9.0
             assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
