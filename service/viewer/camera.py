@@ -87,7 +87,9 @@ class Cameras:
         """Aim the cameras of pages to come; scene and landmarks as for `first_view`."""
         self._page, self._scene, self._landmarks = page, scene, landmarks
         camera = page.initial_camera
-        camera.position, camera.look_at = map(tuple, self.view(USUAL_ASPECT))
+        initial = self.view(USUAL_ASPECT)
+        self._initial = initial.position
+        camera.position, camera.look_at = map(tuple, initial)
         camera.fov = FIELD_OF_VIEW
         self._aspects: dict[int, float] = {}
         self._own: dict[int, list[np.ndarray]] = {}
@@ -107,8 +109,9 @@ class Cameras:
             aspect = camera.aspect
             if self._aspects.get(number) == aspect:
                 continue
-            # A page may report its first place once more before it has heard of the one that it was given.
-            own = self._own.setdefault(number, [camera.position])
+            # A page may report its first place once more before it has heard of the one that it was given, and
+            # it may have reported one before it heard of that of all pages.
+            own = self._own.setdefault(number, [camera.position, self._initial])
             if any(np.allclose(camera.position, place, atol=1e-4) for place in own):
                 view = self.view(aspect)
                 camera.position, camera.look_at = view

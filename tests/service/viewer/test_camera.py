@@ -1,12 +1,16 @@
 """The first view of a page shows the arm and gravity, whatever the shape of the window."""
 
+from types import SimpleNamespace
+from typing import cast
+
 import numpy as np
 import pytest
+import viser
 
 from contactsense import Scene
 from contactsense.service.drawing.posture import usual_posture
 from contactsense.service.scene.summary import link_places
-from contactsense.service.viewer.camera import FIELD_OF_VIEW, first_view
+from contactsense.service.viewer.camera import FIELD_OF_VIEW, Cameras, first_view
 
 ASPECTS = {"a phone": 0.5, "1280x800 beside the panel": 1.1, "1920x1080 beside the panel": 1.4, "wide": 3.0}
 GRAVITY = np.array([[-0.5, -0.5, 0.3], [-0.5, -0.5, 0.1]])
@@ -57,3 +61,21 @@ def test_the_arm_is_not_smaller_than_it_must_be() -> None:
         columns, rows = in_picture(scene, aspect, np.concatenate((turned(scene), GRAVITY)))
         upper = in_picture(scene, aspect, link_places(scene, np.array([0.0, -1.57, 0, 0, 0, 0]))[:, :3, 3])[1]
         assert max(np.abs(columns).max(), rows.max(), upper.max()) > 0.85
+
+
+def test_a_page_that_hears_late_of_its_first_camera_is_aimed_for_its_shape() -> None:
+    """Its camera is at a place of its own first, and at that of all pages only when the panel has taken its
+    part of the window."""
+    page_camera = SimpleNamespace(position=np.array([-5.0, 0.0, 0.0]), look_at=np.zeros(3), aspect=1.8)
+    page = SimpleNamespace(
+        initial_camera=SimpleNamespace(position=None, look_at=None, fov=None),
+        get_clients=lambda: {0: SimpleNamespace(camera=page_camera)},
+    )
+    cameras = Cameras(cast(viser.ViserServer, page), Scene(robot="ur5e"), GRAVITY)
+    cameras.update()
+    page_camera.position, page_camera.aspect = np.array(page.initial_camera.position), 1.0
+    cameras.update()
+    np.testing.assert_array_equal(page_camera.position, cameras.view(1.0).position)
+    page_camera.position, page_camera.aspect = np.array([2.0, 0.0, 1.0]), 1.5  # moved by its reader
+    cameras.update()
+    np.testing.assert_array_equal(page_camera.position, [2.0, 0.0, 1.0])
