@@ -109,8 +109,8 @@ class Cameras:
             aspect = camera.aspect
             if self._aspects.get(number) == aspect:
                 continue
-            # A page may report its first place once more before it has heard of the one that it was given, and
-            # it may have reported one before it heard of that of all pages.
+            # A page may report its first place once more before it has heard of the one that it was given,
+            # and a place of its own before it has heard of that of all pages.
             own = self._own.setdefault(number, [camera.position, self._initial])
             if any(np.allclose(camera.position, place, atol=1e-4) for place in own):
                 view = self.view(aspect)
