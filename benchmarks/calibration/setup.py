@@ -21,6 +21,7 @@ from contactsense.benchmarks.calibration.setup_draws import (
     right_setup,
     wrong_setup,
 )
+from contactsense.benchmarks.calibration.two_mistakes import ARM_AND_TOOL, named, two_wrong_lines
 from contactsense.service.cli.finite_range import FiniteRange
 from contactsense.setup_check import check
 
@@ -76,6 +77,47 @@ def measure(
         if said["accused"] or said["unexplained"]:
             result["right_accused"].append({"arm": arm, "seed": i, **said})
     return result
+
+
+def measure_pairs(
+    arms: tuple[str, ...], draws: int, settings: Settings, torques_alone: bool, show: bool = False
+) -> dict[str, Any]:
+    """Draw cells with two mistakes, and count what the check says.
+
+    Args:
+        arms: Names of the arms.
+        draws: Cells per kind of pair and arm.
+        settings: How cells are drawn.
+        torques_alone: Whether the cells have no base sensor.
+        show: Whether to show progress.
+    """
+    kinds = {"any two mistakes": None, " and ".join(ARM_AND_TOOL): ARM_AND_TOOL}
+    counts = {kind: dict.fromkeys(("cells", "first", "both", "alone"), 0) for kind in kinds}
+    missed = []
+    jobs = [(kind, arm, _WRONG_SEEDS + i) for kind in kinds for arm in arms for i in range(draws)]
+    for kind, arm, seed in _tracked(jobs, "pairs", show):
+        case, lines = two_wrong_lines(arm, seed, settings, torques_alone, kinds[kind])
+        said = outcome(case)
+        accused, row = said["accused"], counts[kind]
+        both = all(named(line, accused) for line in lines)
+        row["cells"] += 1
+        row["first"] += any(named(line, accused[:1]) for line in lines)
+        row["both"] += both
+        row["alone"] += both and len(accused) == len(lines)
+        if not both:
+            missed.append({"kind": kind, "arm": arm, "seed": seed, "lines": list(lines), **said})
+    return {"pairs": counts, "missed": missed}
+
+
+def _print_pairs(result: dict[str, Any], as_json: bool) -> None:
+    if as_json:
+        click.echo(json.dumps(result, indent=1))
+        return
+    for kind, row in result["pairs"].items():
+        click.echo(
+            f"{kind}: a wrong line named first: {row['first']} of {row['cells']}; both named: {row['both']}; "
+            f"and no other line reported as wrong: {row['alone']}"
+        )
 
 
 def _tracked(jobs: list[Any], title: str, show: bool) -> Iterator[Any]:
@@ -142,6 +184,8 @@ def _print_real(result: dict[str, Any], as_json: bool) -> None:
     type=click.Path(exists=True, file_okay=False, path_type=Path),
     help="Check these recordings of a real UR10e instead.",
 )
+@click.option("--pairs", is_flag=True, help="Cells with two mistakes at once instead.")
+@click.option("--torques-alone", is_flag=True, help="With --pairs: cells without a base sensor.")
 @click.option("--json", "as_json", is_flag=True, help="Print the numbers for a program.")
 def setup(
     arms: tuple[str, ...],
@@ -152,6 +196,8 @@ def setup(
     postures: int,
     sensor: str | None,
     recordings: Path | None,
+    pairs: bool,
+    torques_alone: bool,
     as_json: bool,
 ) -> None:
     """Draw simulated cells with one mistake in the scene, and with none, and count the lines that
@@ -160,6 +206,9 @@ def setup(
         _print_real(real(recordings), as_json)
         return
     settings = Settings(seconds=seconds, speed=speed, postures=postures)
+    if pairs:
+        _print_pairs(measure_pairs(arms, draws, settings, torques_alone, True), as_json)
+        return
     field = {None: "", "wrist": WRIST, "elbow": ELBOW}[sensor]
     result = measure(arms, draws, right, settings, True, field)
     if as_json:

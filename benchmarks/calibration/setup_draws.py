@@ -83,25 +83,25 @@ class Case:
 def right_setup(arm: str, seed: int, settings: Settings, sensor: str = "") -> Case:
     """A scene without a mistake; `sensor`: with this sensor within the arm, a key of `LINK_MISTAKES`."""
     rng = np.random.default_rng(seed)
-    truth = _cell(arm, rng)
+    truth = cell(arm, rng)
     if sensor:
         truth = with_sensor(truth, sensor, rng)
-    return Case(truth, _recording(truth, rng, settings), None)
+    return Case(truth, recorded(truth, rng, settings), None)
 
 
 def wrong_setup(kind: str, arm: str, seed: int, settings: Settings, sensor: str = "") -> Case:
     """A scene with one mistake of the kind, a key of `MISTAKES`, or of `LINK_MISTAKES` of this sensor."""
     rng = np.random.default_rng(seed)
-    truth = _cell(arm, rng)
+    truth = cell(arm, rng)
     line, mistake = (LINK_MISTAKES[sensor] if sensor else MISTAKES)[kind]
     if sensor:
         truth = with_sensor(truth, sensor, rng)
-    recording = _recording(truth, rng, settings)
+    recording = recorded(truth, rng, settings)
     scene, recording = mistake(truth, recording, rng)
     return Case(scene, recording, line)
 
 
-def _cell(arm: str, rng: np.random.Generator) -> Scene:
+def cell(arm: str, rng: np.random.Generator) -> Scene:
     limit = np.array([joint.torque_limit for joint in robots.load(arm).joints])
     signal = _SIGNALS[int(rng.integers(2))]
     degrees = float(rng.choice([0.0, 45.0, 90.0, 180.0])) + rng.normal(0.0, 2.0)
@@ -129,7 +129,7 @@ def _cell(arm: str, rng: np.random.Generator) -> Scene:
     return Scene(robot=arm, mounting=mounting, tool=tool, base_wrench=base, joint_torque=torque)
 
 
-def _recording(truth: Scene, rng: np.random.Generator, settings: Settings) -> FreeMotion:
+def recorded(truth: Scene, rng: np.random.Generator, settings: Settings) -> FreeMotion:
     """Readings of an arm whose links differ from the robot's data."""
     motion: Motion
     if settings.postures:

@@ -24,3 +24,12 @@ def test_the_table_is_printed() -> None:
     assert result.exit_code == 0, result.output
     assert "right setups with a line reported as wrong: 0 of 1" in result.output
     assert max(len(line) for line in result.output.splitlines()) <= 80
+
+
+def test_pairs_of_mistakes_are_counted() -> None:
+    arguments = ["--arm", "ur5e", "--draws", "1", "--seconds", "8", "--pairs", "--torques-alone", "--json"]
+    said = json.loads(CliRunner().invoke(setup, arguments).stdout)
+    for kind, row in said["pairs"].items():
+        assert row["cells"] == 1, kind
+        missed = sum(item["kind"] == kind for item in said["missed"])
+        assert row["both"] == row["cells"] - missed
