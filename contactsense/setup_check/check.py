@@ -1,24 +1,24 @@
 """Check a scene against contact-free motion: which of its lines fit, which do not, which the motion does not
 determine.
 
-Every hypothesis changes one line and is fitted with all nuisances. The best of them is accepted if the
-evidence for it is strong and its change matters; the search then continues from the corrected setup, as
-several lines may be wrong. What the last round has not accepted is assessed by how well the motion determines
-it.
+`contactsense.setup_check.search` finds the lines whose change explains the readings. What its last round has
+not accepted is assessed by how well the motion determines it.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from contactsense import robots
 from contactsense.calibration.free_motion import FreeMotion
 from contactsense.scene import Scene
+from contactsense.setup_check.candidate import Candidate
+from contactsense.setup_check.change import groups
 from contactsense.setup_check.changes import matters, tolerance
+from contactsense.setup_check.explanation import EXCLUDED, Explanation
 from contactsense.setup_check.fit import Fit, Fitter
 from contactsense.setup_check.hypotheses import Hypotheses
-from contactsense.setup_check.hypothesis import Hypothesis
 from contactsense.setup_check.instants import without_gaps
 from contactsense.setup_check.lines import (
     FROZEN_TORQUES,
@@ -32,11 +32,11 @@ from contactsense.setup_check.lines import (
 from contactsense.setup_check.motion_basis import MotionBases, Readings
 from contactsense.setup_check.proposals import written
 from contactsense.setup_check.result import Finding, SetupCheck, Verdict
+from contactsense.setup_check.search import searched
 from contactsense.setup_check.sensor_findings import (
     bias_findings,
     range_findings,
     residuals_of,
-    rms,
     saturated_sensors,
     without,
 )
@@ -51,27 +51,8 @@ from contactsense.setup_check.signal_findings import (
 from contactsense.setup_check.unexplained import unexplained_signals
 from contactsense.setup_check.usable_recordings import AT_RANGE, FROZEN, check_usable
 
-_EVIDENCE = 30.0
-"""A line is reported as wrong if twice the log likelihood rises by more than this beyond the penalty: for
-one free parameter a chance of 1e-7."""
-_EXCLUDED = 20.0
-"""Another value is excluded if twice the log likelihood falls by more than this."""
-_MIN_DROP = 0.1
-"""The residual of a sensor must fall by this fraction: what leaves it as it is does not explain it."""
-_MOST = 3
-"""Largest number of lines that are reported as wrong."""
-_REFINED = 2
-"""Starts from which continuous parameters are fitted."""
 _MOVES, _MOVING_SHARE = 0.02, 0.3
 """A joint moves if it is faster than this [rad/s] for more than this share of the time."""
-
-
-@dataclass(frozen=True)
-class _Candidate:
-    hypothesis: Hypothesis
-    fit: Fit
-    others: tuple[Fit, ...]
-    """Fits from other starts."""
 
 
 def check(
@@ -113,45 +94,30 @@ def check(
     hypotheses = Hypotheses(scene, others, largest, torque, readings.wrenches, moving)
     setup = Setup.of(scene)
     setup.gain[list(still)] = 0.0
-    wrong = [found for found in signals if found.verdict == "does_not_fit"]
-    for number in range(_MOST + 1):
-        progress(f"round {number + 1}")
-        fitter.effective[:] = 1.0
-        now = fitter.fit(setup)
-        candidates = [_fitted(fitter, hypothesis) for hypothesis in hypotheses.of(setup)]
-        fitter.set_effective_rows(min([now, *(c.fit for c in candidates)], key=fitter.cost).residual)
-        ranked = sorted(candidates, key=lambda c: fitter.cost(c.fit))
-        best = next((c for c in ranked if matters(now.setup, c.fit) and _explains(now, c)), None)
-        if best is None or number == _MOST or _gain(fitter, now, best.fit) < _EVIDENCE:
-            break
-        rivals = dict.fromkeys(
-            c.hypothesis.line
-            for c in ranked
-            if c.hypothesis.line != best.hypothesis.line
-            and fitter.cost(c.fit) - fitter.cost(best.fit) < _EXCLUDED
-            and matters(now.setup, c.fit)
-        )
-        _report(wrong, _wrong_line(fitter, scene, now, best, tuple(rivals)))
-        setup = best.fit.setup
-    own = [*range_findings(scene, recordings, setup, saturated), *bias_findings(scene, now)]
-    wrong += [found for found in own if found.verdict == "does_not_fit"]
-    reported = {found.line for found in wrong}
+    wrong = [item for item in signals if item.verdict == "does_not_fit"]
+    found = searched(fitter, hypotheses, setup, progress)
+    now, candidates = found.now, found.candidates
+    if found.explanation is not None:
+        wrong += _wrong_lines(fitter, scene, setup, found.explanation)
+    own = [*range_findings(scene, recordings, now.setup, saturated), *bias_findings(scene, now)]
+    wrong += [item for item in own if item.verdict == "does_not_fit"]
+    reported = {item.line for item in wrong}
     unexplained = unexplained_signals(scene, fitter, readings, now)
     rest = [
         _judged(fitter, scene, now, candidate)
         for candidate in candidates
         if not candidate.hypothesis.special and not _covered(candidate.hypothesis.line, reported)
     ]
-    rest += [found for found in own if found.verdict != "does_not_fit"]
+    rest += [item for item in own if item.verdict != "does_not_fit"]
     doubted = _silent_joints(fitter, now, candidates)
-    for found in signals:
-        if found.line not in reported:
-            doubt = found.line == FROZEN_TORQUES and found.verdict == "fits" and doubted
-            rest.append(replace(found, verdict="cannot_tell", remark=doubted) if doubt else found)
-    known = {found.line for found in signals}
-    rest += [found for found in _not_recorded(scene, setup, readings, unusable) if found.line not in known]
+    for item in signals:
+        if item.line not in reported:
+            doubt = item.line == FROZEN_TORQUES and item.verdict == "fits" and doubted
+            rest.append(replace(item, verdict="cannot_tell", remark=doubted) if doubt else item)
+    known = {item.line for item in signals}
+    rest += [item for item in _not_recorded(scene, now.setup, readings, unusable) if item.line not in known]
     order = lines(scene)
-    rest.sort(key=lambda found: order.index(found.line))
+    rest.sort(key=lambda item: order.index(item.line))
     return SetupCheck(
         (*wrong, *(rest if not unexplained else map(_undetermined, rest))),
         residuals_of(now.residual, wrench_fields(scene)),
@@ -176,26 +142,18 @@ def _other_arms(scene: Scene) -> dict[str, Scene]:
     return found
 
 
-def _fitted(fitter: Fitter, hypothesis: Hypothesis) -> _Candidate:
-    plain = sorted((fitter.fit(start) for _, start in hypothesis.starts), key=fitter.cost)
-    if hypothesis.free:
-        plain = [fitter.fit(found.setup, hypothesis.free) for found in plain[:_REFINED]]
-        plain.sort(key=fitter.cost)
-    return _Candidate(hypothesis, plain[0], tuple(plain[1:]))
-
-
 def _gain(fitter: Fitter, before: Fit, after: Fit) -> float:
     return fitter.cost(before) - fitter.cost(after)
 
 
-def _silent_joints(fitter: Fitter, now: Fit, candidates: list[_Candidate]) -> str:
+def _silent_joints(fitter: Fitter, now: Fit, candidates: list[Candidate]) -> str:
     """Why it is not known that all torques are measured; empty: it is."""
     names = [
         fitter.joint_names[c.hypothesis.joint]
         for c in candidates
         if c.hypothesis.line == FROZEN_TORQUES
         and c.hypothesis.joint is not None
-        and -_gain(fitter, now, c.fit) < _EXCLUDED
+        and -_gain(fitter, now, c.fit) < EXCLUDED
     ]
     return f"{', '.join(names)}: noise would fit as well" if names else ""
 
@@ -205,50 +163,35 @@ def _undetermined(found: Finding) -> Finding:
     return replace(found, verdict="cannot_tell", remark="the readings are not explained")
 
 
-def _explains(before: Fit, candidate: _Candidate) -> bool:
-    """Whether the residual of a sensor falls markedly."""
-    after, joint = candidate.fit, candidate.hypothesis.joint
-    count = before.residual.shape[1]
-    n = count - 6 * len(before.setup.sensors)
-    groups = [slice(0, n), *(slice(first, first + 3) for first in range(n, count, 3))]
-    if joint is not None:
-        groups = [slice(joint, joint + 1)]
-    pairs = [[rms(fit.residual[:, group]) for fit in (before, after)] for group in groups]
-    return any(b < (1.0 - _MIN_DROP) * a for a, b in pairs if a is not None and b is not None)
+def _wrong_lines(fitter: Fitter, scene: Scene, stated: Setup, found: Explanation) -> list[Finding]:
+    """The lines that an explanation changes, those first without which it explains least. A line whose
+    changes amount to none is left out."""
+    return [
+        finding
+        for line in sorted(found.lines, key=lambda line: -found.evidence(fitter, line))
+        if (finding := _wrong_line(fitter, scene, stated, found, line)).proposed != finding.stated
+    ]
 
 
-def _wrong_line(
-    fitter: Fitter, scene: Scene, now: Fit, best: _Candidate, rivals: tuple[Line, ...]
-) -> Finding:
-    line = best.hypothesis.line
-    proposed, remark = written(line, best.fit.setup, scene)
-    for text, start in best.hypothesis.starts:
-        if start is best.fit.setup and text and text != proposed:
-            remark = text
+def _wrong_line(fitter: Fitter, scene: Scene, stated: Setup, found: Explanation, line: Line) -> Finding:
+    fields, before = wrench_fields(scene), found.without[line]
+    own = [change for change in found.changes if change.line == line]
+    proposed, remark = written(line, found.fit.setup, scene)
+    free = groups(*(change.free for change in own))
+    shown = np.repeat([group in free for group in found.fit.free], [group.size for group in found.fit.free])
+    text = own[-1].text
     return Finding(
         line,
         "does_not_fit",
-        written(line, now.setup, scene)[0],
+        written(line, stated, scene)[0],
         proposed,
-        remark,
-        tuple(best.fit.std.tolist()),
-        residuals_of(now.residual, wrench_fields(scene)),
-        residuals_of(best.fit.residual, wrench_fields(scene)),
-        _gain(fitter, now, best.fit),
-        rivals,
+        text if text and text != proposed else remark,
+        tuple(found.fit.std[shown.astype(bool)].tolist()),
+        residuals_of(before.residual, fields),
+        residuals_of(found.fit.residual, fields),
+        found.evidence(fitter, line),
+        found.rivals[line],
     )
-
-
-def _report(wrong: list[Finding], new: Finding) -> None:
-    """Add a finding, or correct the earlier one of the same line; drop it where the scene was right."""
-    for i, earlier in enumerate(wrong):
-        if earlier.line == new.line and new.proposed == earlier.stated:
-            del wrong[i]
-            return
-        if earlier.line == new.line:
-            wrong[i] = replace(new, stated=earlier.stated, before=earlier.before)
-            return
-    wrong.append(new)
 
 
 def _not_recorded(
@@ -279,7 +222,7 @@ def _covered(line: Line, reported: set[Line]) -> bool:
     )
 
 
-def _judged(fitter: Fitter, scene: Scene, now: Fit, candidate: _Candidate) -> Finding:
+def _judged(fitter: Fitter, scene: Scene, now: Fit, candidate: Candidate) -> Finding:
     """Whether the motion determines a line that is not reported as wrong."""
     line = candidate.hypothesis.line
     fits = [candidate.fit, *candidate.others]
@@ -295,7 +238,7 @@ def _judged(fitter: Fitter, scene: Scene, now: Fit, candidate: _Candidate) -> Fi
         limits = [tolerance(name, now.setup) for name in here.free for _ in range(name.size)]
         if np.any(here.std > limits):
             verdict, remark = "cannot_tell", "not determined by this motion"
-    if verdict == "fits" and other is not None and other < _EXCLUDED:
+    if verdict == "fits" and other is not None and other < EXCLUDED:
         verdict = "cannot_tell"
         remark = "another value fits as well"
         if not candidate.hypothesis.free:

@@ -127,9 +127,19 @@ class Fitter:
 
     def cost(self, fit: Fit) -> float:
         """See the module."""
-        rows = len(fit.residual) * self.effective[self._channels]
-        k = sum(group.size for group in fit.free)
-        return float(rows @ np.log(fit.variance)) + fit.penalty + k * float(np.log(rows.sum()))
+        return self._cost(fit.variance, fit.penalty, fit.free, len(fit.residual))
+
+    def foreseen(self, start: Setup, free: tuple[Free, ...]) -> float:
+        """The cost to expect of `fit`: that after its first step, if the prediction were linear."""
+        prior = np.repeat([_PRIOR[group.kind] for group in free], [group.size for group in free])
+        slopes = self._slopes(start, free, prior) if free else np.zeros((0, 0, 0))
+        solved = self._solve(start, slopes, prior)
+        return self._cost(solved.variance, solved.penalty, free, len(solved.residual))
+
+    def _cost(self, variance: np.ndarray, penalty: float, free: tuple[Free, ...], count: int) -> float:
+        rows = count * self.effective[self._channels]
+        k = sum(group.size for group in free)
+        return float(rows @ np.log(variance)) + penalty + k * float(np.log(rows.sum()))
 
     def set_effective_rows(self, residual: np.ndarray) -> None:
         """Reduce the number of rows by the correlation of neighbouring residuals.

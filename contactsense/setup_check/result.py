@@ -50,9 +50,9 @@ class Finding:
     std: tuple[float, ...] = ()
     """Standard deviations of a line with continuous values, in SI units; empty for others."""
     before: Residuals | None = None
-    """With the scene's value, where it does not fit."""
+    """With the scene's value, where it does not fit, and the proposed values of all other such lines."""
     after: Residuals | None = None
-    """With the proposed one."""
+    """With all proposed values."""
     evidence: float | None = None
     """By how much twice the log likelihood rises with the proposed value, less the penalty for its free
     parameters; or falls, with the best other value, where the scene's fits. None for continuous lines."""
@@ -65,7 +65,8 @@ class SetupCheck:
     """What contact-free motion says about every line of a scene."""
 
     findings: tuple[Finding, ...]
-    """Lines that do not fit first, in the order in which they were found."""
+    """Lines that do not fit first: those that signals contradict by themselves, then those that explain
+    most."""
     residuals: Residuals
     """With all proposed values."""
     unexplained: tuple[str, ...]

@@ -11,9 +11,8 @@ from contactsense.benchmarks.calibration.recordings import read
 from contactsense.benchmarks.calibration.setup_draws import Settings, right_setup, wrong_setup
 from contactsense.calibration import FreeMotion
 from contactsense.robots.tool import Tool
-from contactsense.setup_check import CheckError, Finding, Residuals, SetupCheck, check, lines
+from contactsense.setup_check import CheckError, SetupCheck, check, lines
 from contactsense.setup_check.changes import tolerance
-from contactsense.setup_check.check import _report
 from contactsense.setup_check.fit import Fitter
 from contactsense.setup_check.motion_basis import MotionBases, Readings
 from contactsense.setup_check.proposals import roll_and_pitch
@@ -75,20 +74,6 @@ def test_two_wrong_lines_are_both_named() -> None:
     heavier = case.scene.tool.model_copy(update={"mass": case.scene.tool.mass + 2.0})
     found = check(case.scene.model_copy(update={"tool": heavier}), [case.recording])
     assert [item.line for item in found.wrong] == ["joint positions: unit", "tool.mass"]
-
-
-def test_a_line_that_is_found_wrong_again_keeps_the_value_of_the_scene() -> None:
-    before, between, after = (Residuals(force, 0.1, 1.0) for force in (9.0, 3.0, 1.0))
-    found = [Finding("tool.mass", "does_not_fit", "1", "2", before=before, after=between)]
-    _report(found, Finding("tool.mass", "does_not_fit", "2", "1.8", before=between, after=after))
-    assert found == [Finding("tool.mass", "does_not_fit", "1", "1.8", before=before, after=after)]
-
-
-def test_a_line_that_returns_to_the_value_of_the_scene_is_not_wrong() -> None:
-    other = Finding("tool.mass", "does_not_fit", "2", "3")
-    found = [other, Finding("joint_torque.sign", "does_not_fit", "by_actuator", "on_arm")]
-    _report(found, Finding("joint_torque.sign", "does_not_fit", "on_arm", "by_actuator"))
-    assert found == [other]
 
 
 def test_torques_that_are_too_large_are_no_signal_that_a_scene_could_state() -> None:

@@ -1,0 +1,139 @@
+"""The search for the wrong lines of a scene.
+
+Every hypothesis changes one line and is fitted with all nuisances. The best of them is accepted if the
+evidence for it is strong and its change matters; the search then continues from the corrected setup, as
+several lines may be wrong. Two lines or more are exchanged for others, see
+`contactsense.setup_check.explanation`; where one line or none leaves residuals far beyond the noise, pairs
+are tried.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from contactsense.setup_check.candidate import Candidate
+from contactsense.setup_check.change import Change
+from contactsense.setup_check.changes import matters
+from contactsense.setup_check.explanation import (
+    EVIDENCE,
+    EXCLUDED,
+    Explanation,
+    change_of,
+    exchanged,
+    pairs,
+)
+from contactsense.setup_check.fit import Fit, Fitter
+from contactsense.setup_check.hypotheses import Hypotheses
+from contactsense.setup_check.lines import Line
+from contactsense.setup_check.setup import Setup
+
+_MOST = 3
+"""Largest number of changes."""
+_ROUNDS = 5
+"""Rounds of the search; more than changes, since an exchange may leave one out."""
+_FIRSTS, _MORE_FIRSTS = 3, 6
+"""Lines from which pairs are tried, besides two that were found one by one; and where nothing else explains.
+"""
+_FAR = 20.0
+"""Residuals are far beyond the noise if that of a channel exceeds the scene's noise by this factor: those of
+the motor currents of a real arm and a right scene exceed it by up to 19."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """What the search has found."""
+
+    explanation: Explanation | None
+    """None: no line is wrong."""
+    now: Fit
+    """The setup with all changes."""
+    candidates: list[Candidate]
+    """All single changes of it."""
+
+
+def searched(fitter: Fitter, hypotheses: Hypotheses, stated: Setup, progress: Callable[[str], None]) -> Found:
+    """Find the wrong lines of the stated setup; `progress`: called with the name of each round."""
+    setup, found, paired = stated, None, False
+    firsts: list[Change] = []
+    for number in range(_ROUNDS):
+        progress(f"round {number + 1}")
+        fitter.effective[:] = 1.0
+        now = fitter.fit(setup)
+        candidates = [Candidate.of(fitter, hypothesis) for hypothesis in hypotheses.of(setup)]
+        fitter.set_effective_rows(min([now, *(c.fit for c in candidates)], key=fitter.cost).residual)
+        ranked = sorted(candidates, key=lambda c: fitter.cost(c.fit))
+        best = next((c for c in ranked if matters(now.setup, c.fit) and c.explains(now)), None)
+        changes = found.changes if found is not None else ()
+        if number == 0:
+            firsts = _by_line(ranked, setup)
+        if len(changes) >= _MOST or number == _ROUNDS - 1:
+            break
+        if best is not None and fitter.cost(now) - fitter.cost(best.fit) >= EVIDENCE:
+            change = change_of(best, setup)
+            if found is None:
+                found = Explanation(
+                    (change,), best.fit, {change.line: now}, {change.line: _rivals(fitter, ranked, best, now)}
+                )
+            else:
+                seeds = () if paired else _seeds(firsts, (*found.lines, change.line), _FIRSTS)
+                found, paired = exchanged(fitter, hypotheses, stated, (*changes, change), seeds), True
+        elif not paired and _far(fitter, now):
+            paired = True
+            pair = _pair(fitter, hypotheses, stated, _seeds(firsts, (), _MORE_FIRSTS), now)
+            if pair is None:
+                break
+            found = pair
+        else:
+            break
+        setup = found.fit.setup
+    return Found(found, now, candidates)
+
+
+def _pair(
+    fitter: Fitter, hypotheses: Hypotheses, stated: Setup, firsts: tuple[Change, ...], now: Fit
+) -> Explanation | None:
+    """Two lines that explain what `now`, with one change or none, does not; None: there are none."""
+    fitter.effective[:] = 1.0
+    options = pairs(fitter, hypotheses, stated, firsts)
+    if not options:
+        return None
+    best = min(options, key=lambda option: fitter.cost(option.fit))
+    if _far(fitter, best.fit):
+        return None
+    fitter.set_effective_rows(best.fit.residual)
+    if fitter.cost(now) - fitter.cost(best.fit) < 2.0 * EVIDENCE:
+        return None
+    return exchanged(fitter, hypotheses, stated, best.changes)
+
+
+def _far(fitter: Fitter, fit: Fit) -> bool:
+    """Whether residuals are far beyond the noise."""
+    rms = np.sqrt(np.mean(fit.residual**2, axis=0))
+    return bool((rms > _FAR * fitter.noise).any())
+
+
+def _seeds(firsts: list[Change], known: tuple[Line, ...], count: int) -> tuple[Change, ...]:
+    return tuple([first for first in firsts if first.line not in known][:count])
+
+
+def _by_line(ranked: list[Candidate], setup: Setup) -> list[Change]:
+    """What the best candidate of each line that matters changes of the setup; `ranked`: the best first."""
+    best: dict[Line, Candidate] = {}
+    for candidate in ranked:
+        if matters(setup, candidate.fit):
+            best.setdefault(candidate.hypothesis.line, candidate)
+    return [change_of(candidate, setup) for candidate in best.values()]
+
+
+def _rivals(fitter: Fitter, ranked: list[Candidate], best: Candidate, now: Fit) -> tuple[Line, ...]:
+    """Other lines whose change would explain about as much as the best."""
+    return tuple(
+        dict.fromkeys(
+            c.hypothesis.line
+            for c in ranked
+            if c.hypothesis.line != best.hypothesis.line
+            and fitter.cost(c.fit) - fitter.cost(best.fit) < EXCLUDED
+            and matters(now.setup, c.fit)
+        )
+    )
