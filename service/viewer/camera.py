@@ -92,6 +92,9 @@ class Cameras:
         camera.position, camera.look_at = map(tuple, initial)
         camera.fov = FIELD_OF_VIEW
         self._aspects: dict[int, float] = {}
+        """Shape of the picture of each page."""
+        self._views: dict[int, View] = {}
+        """The view of each page for that shape."""
         self._own: dict[int, list[np.ndarray]] = {}
         """Places at which the camera of each page was without its reader's doing."""
 
@@ -103,17 +106,18 @@ class Cameras:
         """Aim those of which that is due."""
         clients = self._page.get_clients()
         for gone in self._aspects.keys() - clients.keys():
-            del self._aspects[gone], self._own[gone]
+            del self._aspects[gone], self._views[gone], self._own[gone]
         for number, client in clients.items():
             camera = client.camera
             aspect = camera.aspect
-            if self._aspects.get(number) == aspect:
-                continue
             # A page may report its first place once more before it has heard of the one that it was given,
-            # and a place of its own before it has heard of that of all pages.
+            # and a place of its own before it has heard of that of all pages. Then it is aimed again.
             own = self._own.setdefault(number, [camera.position, self._initial])
+            if self._aspects.get(number) != aspect:
+                self._aspects[number], self._views[number] = aspect, self.view(aspect)
+            view = self._views[number]
+            if np.allclose(camera.position, view.position, atol=1e-4):
+                continue
             if any(np.allclose(camera.position, place, atol=1e-4) for place in own):
-                view = self.view(aspect)
                 camera.position, camera.look_at = view
                 own.append(view.position)
-            self._aspects[number] = aspect

@@ -14,7 +14,7 @@ from tests.service.loopback import until
 from tests.service.viewer.estimates import POSTURE, contact, estimate
 from tests.service.viewer.shown import PATIENCE, Shown, showing
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 SCENE = Scene(robot="ur5e")
 SIZES = ((400, 800), (1280, 800), (1920, 1080))
 COLOURS = """(() => {
