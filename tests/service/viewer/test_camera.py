@@ -79,3 +79,17 @@ def test_a_page_that_hears_late_of_its_first_camera_is_aimed_for_its_shape() -> 
     page_camera.position, page_camera.aspect = np.array([2.0, 0.0, 1.0]), 1.5  # moved by its reader
     cameras.update()
     np.testing.assert_array_equal(page_camera.position, [2.0, 0.0, 1.0])
+
+
+def test_a_page_that_reports_an_earlier_place_is_aimed_again() -> None:
+    """Its shape has not changed since."""
+    page_camera = SimpleNamespace(position=np.array([-5.0, 0.0, 0.0]), look_at=np.zeros(3), aspect=1.0)
+    page = SimpleNamespace(
+        initial_camera=SimpleNamespace(position=None, look_at=None, fov=None),
+        get_clients=lambda: {0: SimpleNamespace(camera=page_camera)},
+    )
+    cameras = Cameras(cast(viser.ViserServer, page), Scene(robot="ur5e"), GRAVITY)
+    cameras.update()
+    page_camera.position = np.array(page.initial_camera.position)
+    cameras.update()
+    np.testing.assert_array_equal(page_camera.position, cameras.view(1.0).position)
