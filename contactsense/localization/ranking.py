@@ -7,7 +7,8 @@ If the fused wrench determines a line of action, the search on each primitive st
 torques and of the base wrench, prior of force and torsion, and the width of the posterior
 (`contactsense.solvers.posterior.equations`). So does "none of these": a wrench that is not caused
 by a single push on a touchable link, but by a pull, a couple, several contacts, or a touch on a link that the
-scene leaves out.
+scene leaves out. If the line of action is known, so do touches at places that the primitives do not model
+(`contactsense.localization.unmodelled_places`).
 """
 
 import math
@@ -25,6 +26,7 @@ from contactsense.localization.primitive_frames import place_primitives
 from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
 from contactsense.localization.surface_cells import SurfaceCells
 from contactsense.localization.surface_search import search_surface
+from contactsense.localization.unmodelled_places import add_unmodelled_places
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.solvers.posterior.contact_prior import Prior, with_surface
@@ -89,7 +91,7 @@ def locate_contacts(
     if _is_hopeless(lowest_energy, 0.0, none_evidence):
         link_probability[:] = 0.0
         return 0
-    count = 0
+    count, best = 0, none_evidence
     # Each attempt assumes or searches more than the one before, which has explained nothing.
     for attempt in range(ATTEMPTS):
         has_many_starts, is_rough = attempt >= FIRST_WITH_MANY_STARTS, attempt % 2 == 1
@@ -117,6 +119,10 @@ def locate_contacts(
         best = _add_log_prior(candidates, count, cells.unassigned_evidence, log_share)
         if best >= none_evidence or is_touch_left_out:
             break
+    if line_of_action_known:
+        count = add_unmodelled_places(
+            scene, searched, motion, hypotheses, prior, arrays, none_evidence, best, count
+        )
     ranked: int = _rank(
         surfaces,
         candidates,

@@ -6,9 +6,9 @@ import numpy as np
 
 from contactsense.localization.candidate_buffers import Candidates
 from contactsense.localization.local_prior import DeviationCells
-from contactsense.localization.none_of_these import LeftOutLinks
 from contactsense.localization.surface_blocks import SurfaceBlocks
 from contactsense.localization.surface_cells import SurfaceCells
+from contactsense.localization.surface_moments import SurfaceMoments
 from contactsense.localization.surface_samples import SurfaceSamples, SurfaceSubsamples
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.solvers.posterior.contact_prior import SearchBuffers
@@ -30,8 +30,10 @@ class SearchedSurface(NamedTuple):
     touchable: np.ndarray
     """1 for links that can be touched in the scene, else 0, shape (links,), int64. A touch on another link is
     "none of these"."""
-    left_out: LeftOutLinks
+    left_out: SurfaceMoments
     """Surfaces of those others, where they can be touched."""
+    unmodelled: SurfaceMoments
+    """Places of the searched links that the primitives do not model."""
     depth: np.ndarray
     """Number of joints between the base and each link, shape (links,), int64."""
 

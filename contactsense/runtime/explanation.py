@@ -141,5 +141,6 @@ def searched_surface(constants: Constants) -> SearchedSurface:
         constants.deviations,
         constants.touchable,
         constants.left_out,
+        constants.unmodelled,
         constants.sensors.depth,
     )

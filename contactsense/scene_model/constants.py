@@ -11,8 +11,8 @@ from contactsense.kinematics.model import Model
 from contactsense.kinematics.wrench_transform import wrench_transform
 from contactsense.localization.local_prior import DeviationCells
 from contactsense.localization.mean_surface import with_deviations
-from contactsense.localization.none_of_these import LeftOutLinks
 from contactsense.localization.surface_blocks import SurfaceBlocks, surface_blocks
+from contactsense.localization.surface_moments import SurfaceMoments
 from contactsense.localization.surface_samples import SurfaceSamples, SurfaceSubsamples, sample_surface
 from contactsense.residuals.joint_friction import JointTorqueModel, joint_torque_model
 from contactsense.robots.jit.declaration import Floats, Integers
@@ -25,6 +25,7 @@ from contactsense.scene_model.link_prior import area_share, link_probability, lo
 from contactsense.scene_model.link_sensors import LinkSensors, link_sensors, mounts
 from contactsense.scene_model.reading_limits import ReadingLimits, reading_limits
 from contactsense.scene_model.scene_surfaces import scene_surfaces, touchable_links
+from contactsense.scene_model.unmodelled_places import unmodelled_places
 from contactsense.sensors.settings import JointTorqueSensor, WrenchSensor, per_joint
 from contactsense.solvers.posterior.contact_prior import Prior
 
@@ -53,8 +54,11 @@ class Constants(NamedTuple):
     """1 for links that are searched, else 0."""
     link_prior: Annotated[Floats, "links"]
     """Probability of a contact on each link before any measurement."""
-    left_out: LeftOutLinks
-    """The other links that can be touched."""
+    left_out: SurfaceMoments
+    """Surfaces of the other links that can be touched; their prior probability is relative to that of a touch
+    on any searched link."""
+    unmodelled: SurfaceMoments
+    """Places that the primitives do not model."""
     gravity: Annotated[Floats, "3"]
     """Gravity, base axes [m/s^2]."""
     link_sensors: LinkSensors
@@ -96,6 +100,7 @@ def build_constants(scene: Scene) -> Constants:
     samples = with_deviations(samples, surfaces, deviations)
     subsamples = with_deviations(subsamples, surfaces, deviations)
     share = area_share(surfaces, samples, len(scene.link_names))
+    log_density = log_link_density(scene, share)
     return Constants(
         model=model_with_tool(scene),
         surfaces=surfaces,
@@ -111,11 +116,12 @@ def build_constants(scene: Scene) -> Constants:
             force=scene.force,
             clearance=scene.clearance,
             area=area,
-            log_link_density=log_link_density(scene, share),
+            log_link_density=log_density,
         ),
         touchable=touchable_links(scene),
         link_prior=link_probability(scene, share),
         left_out=left_out_links(scene, unsearched, area),
+        unmodelled=unmodelled_places(surfaces, samples, log_density),
         gravity=scene.gravity_base,
         link_sensors=link_sensors(scene),
         torque_model=joint_torque_model(torque, len(scene.robot.joints)),

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contactsense.localization.none_of_these import LeftOutLinks
+from contactsense.localization.surface_moments import SurfaceMoments, moments_of_points
 from contactsense.localization.surface_samples import surface_patches
 from contactsense.scene import Scene
 from contactsense.scene_model.scene_surfaces import scene_surfaces, touchable_links
@@ -29,15 +29,12 @@ def unsearched_surfaces(scene: Scene) -> UnsearchedSurfaces:
     for link in np.flatnonzero(searched == 0):
         patches = surface_patches(surfaces, int(link))
         area[link] = patches.area.sum()
-        if area[link] == 0.0:
-            continue
-        centre[link] = patches.area @ patches.point / area[link]
-        offset = patches.point - centre[link]
-        covariance[link] = (patches.area[:, None] * offset).T @ offset / area[link]
+        if area[link] > 0.0:
+            centre[link], covariance[link] = moments_of_points(patches.area, patches.point)
     return UnsearchedSurfaces(area, centre, covariance)
 
 
-def left_out_links(scene: Scene, surfaces: UnsearchedSurfaces, searched_area: float) -> LeftOutLinks:
+def left_out_links(scene: Scene, surfaces: UnsearchedSurfaces, searched_area: float) -> SurfaceMoments:
     """The links that are not in `Scene.touchable`, with their weights.
 
     With `link_prior: equal` each is as probable as a touchable link; otherwise its surface counts as much as
@@ -55,4 +52,4 @@ def left_out_links(scene: Scene, surfaces: UnsearchedSurfaces, searched_area: fl
             continue
         equal = scene.link_prior == "equal" and searched.any()
         log_weight[link] = -np.log(searched.sum()) if equal else np.log(surfaces.area[link] / searched_area)
-    return LeftOutLinks(log_weight, surfaces.centre, surfaces.covariance)
+    return SurfaceMoments(log_weight, surfaces.centre, surfaces.covariance)

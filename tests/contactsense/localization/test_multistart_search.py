@@ -35,7 +35,8 @@ def _best_scores(localizer: Localizer) -> tuple[float, float]:
     along_line = float(candidates.score[candidates.order[:count]].max())
     scene = SearchedSurface(
         constants.surfaces, constants.samples, constants.surface_blocks, constants.subsamples,
-        constants.deviations, constants.touchable, constants.left_out, constants.sensors.depth,
+        constants.deviations, constants.touchable, constants.left_out, constants.unmodelled,
+        constants.sensors.depth,
     )  # fmt: skip
     arrays = SearchArrays(state.search_buffers, state.surface_cells, candidates)
     count = search_from_samples(

@@ -9,13 +9,11 @@ from scipy.spatial.transform import Rotation
 from contactsense.isolation.link_hypotheses import Hypotheses
 from contactsense.kinematics.model import empty_motion
 from contactsense.localization.none_of_these import (
-    NONE_OF_THESE_FORCE,
     NONE_OF_THESE_LEVER,
     NONE_OF_THESE_PROBABILITY,
-    SMALLEST_MOMENT,
-    LeftOutLinks,
     none_of_these_evidence,
 )
+from contactsense.localization.surface_moments import BROAD_FORCE, SMALLEST_MOMENT, SurfaceMoments
 from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.solvers.posterior.contact_prior import Prior, SearchBuffers
 from contactsense.solvers.posterior.mode import ENERGY_CUTOFF
@@ -62,7 +60,7 @@ def test_it_is_that_of_normal_variables(seed: int, log_weight: float) -> None:
         log_evidence=np.zeros(LINKS),
     )
     spread = chance.standard_normal((LINKS, 3, 3)) * 0.1
-    left_out = LeftOutLinks(
+    left_out = SurfaceMoments(
         np.array([-math.inf, log_weight, -math.inf]),
         chance.uniform(-0.2, 0.2, (LINKS, 3)),
         np.einsum("lij,lkj->lik", spread, spread),
@@ -71,7 +69,7 @@ def test_it_is_that_of_normal_variables(seed: int, log_weight: float) -> None:
         left_out, depth, motion, hypotheses, 2, PRIOR, zeros(SearchBuffers)
     )
 
-    F = NONE_OF_THESE_FORCE * PRIOR.force
+    F = BROAD_FORCE * PRIOR.force
     broad = np.diag([F**2] * 3 + [(NONE_OF_THESE_LEVER * F) ** 2] * 3)
     expected = math.log(NONE_OF_THESE_PROBABILITY / (1.0 - NONE_OF_THESE_PROBABILITY))
     expected += _gaussian(hypotheses.wrench[2], information[2], broad)[0] - hypotheses.energy[2]

@@ -89,7 +89,8 @@ def test_only_what_is_hopeless_beside_something_else_is_not_evaluated(above: flo
     constants, state = localizer._buffers.constants, localizer._buffers.state
     searched = SearchedSurface(
         constants.surfaces, constants.samples, constants.surface_blocks, constants.subsamples,
-        constants.deviations, constants.touchable, constants.left_out, constants.sensors.depth,
+        constants.deviations, constants.touchable, constants.left_out, constants.unmodelled,
+        constants.sensors.depth,
     )  # fmt: skip
     arrays = SearchArrays(state.search_buffers, state.surface_cells, state.candidates)
     rows = np.zeros(2, dtype=int)
