@@ -109,8 +109,9 @@ class Service:
         self.webhooks = WebhookDelivery(self.journal, self.reactions.webhooks, self._note_webhook)
         self.webhooks.start()
         self.latches = LatchStore(self.journal)
-        self.reactions.restore(self.latches.load())
         self.reactions.on_latched = self.latches.save
+        self.reactions.on_lowered = self.latches.save_lowered
+        self.reactions.restore(self.latches.load(), self.latches.load_lowered())
         self.runner.others = self._troubles
         loading = loop.create_task(self._load())
         self.runner.start()

@@ -1,4 +1,5 @@
-"""The journal of events: SQLite in WAL mode. Waiting webhooks and latched collisions are in the same file.
+"""The journal of events: SQLite in WAL mode. Waiting webhooks, latched collisions
+and a lowered speed slider are in the same file.
 
 Events get their number at once and can be read at once. A thread commits them every half second, so that a
 killed process loses at most that much. Numbers are reserved in blocks before they are used. Therefore no
@@ -32,6 +33,7 @@ CREATE TABLE IF NOT EXISTS deliveries
     (id INTEGER PRIMARY KEY AUTOINCREMENT, action TEXT NOT NULL, webhook_id TEXT NOT NULL, body TEXT NOT NULL,
      attempts INTEGER NOT NULL DEFAULT 0, due REAL NOT NULL);
 CREATE TABLE IF NOT EXISTS latches (rule TEXT PRIMARY KEY, body TEXT NOT NULL);
+CREATE TABLE IF NOT EXISTS lowered (fraction REAL NOT NULL);
 CREATE TABLE IF NOT EXISTS disabled (action TEXT PRIMARY KEY, url TEXT NOT NULL, reason TEXT NOT NULL);
 """
 

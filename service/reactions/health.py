@@ -25,6 +25,11 @@ class ReactionsHealth(BaseModel):
         "off", description="off: no rules; failing: the latest attempt of an action failed, see actions."
     )
     latched: int = Field(0, description="Collisions that have not been acknowledged.")
+    lowered: float | None = Field(
+        None,
+        description="Fraction to which the speed slider is lowered: by a level that is active, or by one "
+        "that was when the service last ended; null: it is not lowered.",
+    )
     actions: dict[str, ActionHealth] = {}
 
 

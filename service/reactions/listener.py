@@ -12,7 +12,7 @@ from contactsense.service.live.listener import REPORTS
 from contactsense.service.reactions.actions.base import ExecutedAction
 from contactsense.service.reactions.actions.registers import RegistersAction
 from contactsense.service.reactions.actions.speed_slider import NAMES as SLIDER
-from contactsense.service.reactions.actions.speed_slider import SpeedSliderAction
+from contactsense.service.reactions.actions.speed_slider import SLIDER_READING, SpeedSliderAction
 from contactsense.service.reactions.actions.webhook import WebhookAction
 from contactsense.service.reactions.decision import Decision
 from contactsense.service.reactions.engine import Engine
@@ -29,6 +29,8 @@ _BLIND = 0.1
 """Time without an estimate after which the degraded bit is set [s]."""
 _RESTORE = 1.0
 """Longest wait for the service to send the collisions latched before this process started [s]."""
+_SAME_FRACTION = 0.005
+"""Largest difference of two readings of the slider, which people set in steps of 1 %."""
 _FREE = 1.0
 """Time without contact after which the slider that an earlier process has lowered is raised [s]: a force that
 still acts is found before."""
@@ -50,7 +52,8 @@ class ReactionListener:
         self._executor = ExecutorClient(executed, host or "")
         self._decision: Decision | None = None
         self._slider_due: float | None = None  # fraction that the controller does not have yet
-        self._left_low = False  # by an earlier process, which did not see the end of the level
+        # Fraction set by an earlier process, which did not see the end of the level.
+        self._left_low: float | None = None
         self._free_since: float | None = None  # on the robot's clock
         self._beat = False
         self._estimated = False
@@ -74,7 +77,7 @@ class ReactionListener:
         if decisions or self._decision is not None:
             self._write()
             self._carry_out(decisions)
-        if self._left_low:
+        if self._left_low is not None:
             self._raise_slider(estimate)
         if decisions:
             self._report_state()  # at once: a latch and a lowered slider must survive any later failure
@@ -118,7 +121,7 @@ class ReactionListener:
             self.withdraw(message.get("name"))
         elif kind == "restore":
             self._restore([Decision(**{k: _tupled(v) for k, v in d.items()}) for d in message["decisions"]])
-            self._left_low = self._slider is not None and message.get("lowered", False)
+            self._left_low = None if self._slider is None else message.get("lowered")
         else:
             return
         self._report_state(answer=message.get("id"))
@@ -177,6 +180,8 @@ class ReactionListener:
             recipes["speed_slider"] = SLIDER
         inputs = self._rules.inputs
         outputs = [name for name in (inputs.acknowledge, inputs.announce) if name is not None]
+        if self._slider is not None:
+            outputs.append(SLIDER_READING)
         if host is None or not (recipes or outputs):
             return None
         return RtdeInputs(host, self._rules.robot.rtde_port or RTDE_PORT, recipes, outputs)
@@ -280,20 +285,45 @@ class ReactionListener:
         level that is active raises it at its end."""
         assert self._slider is not None
         if self._lowers_slider:
-            self._left_low = False
+            self._left_low = None
         elif estimate.status != "none":
             self._free_since = None
         elif self._free_since is None or estimate.t < self._free_since:
             self._free_since = estimate.t
-        elif estimate.t - self._free_since >= _FREE:
-            self._left_low, self._slider_due = False, self._slider.restore
-            if self._inputs is not None:
-                self._write_slider()
+        elif estimate.t - self._free_since >= _FREE and self._inputs is not None and self._inputs.ready:
+            self._restore_slider()
+
+    def _restore_slider(self) -> None:
+        """Raise the slider, unless somebody has moved it since the earlier process ended."""
+        assert self._slider is not None
+        assert self._inputs is not None
+        left, found, restore = self._left_low, self._inputs.values.get(SLIDER_READING), self._slider.restore
+        if left is None or found is None:
+            return
+        self._left_low = None
+        if restore is None:
+            words = f"left at {left:.0%} by an earlier process, and stays there: no restore is stated"
+        elif abs(found - left) > _SAME_FRACTION:
+            words = (
+                f"left at {left:.0%} by an earlier process; stays at {found:.0%}, set by somebody else since"
+            )
+        else:
+            self._slider_due = restore
+            self._write_slider()
+            words = f"done: raised to {restore:.0%}; an earlier process had left it at {left:.0%}"
+        self._report_event(ContactEvent(kind="action", t=self._t, action=self._slider_name, reason=words))
 
     @property
     def _lowers_slider(self) -> bool:
         """Whether an active level wants the arm to be slow."""
         return any(self._slider_name in decision.actions for decision in self._engine.active)
+
+    @property
+    def _lowered(self) -> float | None:
+        """Fraction to which the slider is lowered, by this process or an earlier one; None: it is not."""
+        if self._slider is not None and self._lowers_slider:
+            return self._slider.fraction
+        return self._left_low
 
     def _write_slider(self) -> None:
         """Write the fraction that is due, if there is one and the controller can take it now."""
@@ -322,7 +352,7 @@ class ReactionListener:
                 "answer": answer,
                 "restored": self._informed,
                 "active": [decision.as_dict() for decision in self._engine.active],
-                "lowered": self._left_low or (self._slider is not None and self._lowers_slider),
+                "lowered": self._lowered,
                 "expected": list(self._engine.windows),
                 "actions": {name: health.model_dump() for name, health in self._health.items()},
             }

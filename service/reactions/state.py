@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict
 
 from contactsense.scene import Scene
 from contactsense.service.events.model import ContactEvent
+from contactsense.service.reactions.actions.speed_slider import SpeedSliderAction
 from contactsense.service.reactions.actions.webhook import WebhookAction
 from contactsense.service.reactions.explain import explain, explain_actions
 from contactsense.service.reactions.health import ActionHealth, LatchOut, ReactionsHealth, ReactionsOut
@@ -84,7 +85,9 @@ class Reactions:
         self.replace(rules)
         self._report: dict[str, Any] = {"active": [], "expected": [], "actions": {}}
         self._latched: list[dict[str, Any]] = []
-        self._lowered = False
+        self._lowered: float | None = None
+        self.on_lowered: Callable[[float | None], None] | None = None
+        """Called with the fraction to which the speed slider is lowered, or None, whenever that changes."""
         self.on_latched: Callable[[list[dict[str, Any]]], None] | None = None
         """Called with the latched collisions whenever they change."""
         self._answers: dict[str, asyncio.Event] = {}
@@ -112,10 +115,15 @@ class Reactions:
         for text in () if rules is None else rules.missing:
             log.warning("reactions: %s", text)
 
-    def restore(self, decisions: Sequence[dict[str, Any]]) -> None:
-        """Restore the collisions that were latched when the service last ran; call before the pipeline
-        starts."""
-        self._latched = list(decisions)
+    def restore(self, decisions: Sequence[dict[str, Any]], lowered: float | None = None) -> None:
+        """Restore the collisions that were latched when the service last ran, and the fraction to which it
+        had lowered the speed slider, None: it had not; call before the pipeline starts."""
+        self._latched, self._lowered = list(decisions), lowered
+        if lowered is not None:
+            after = "it is raised once no force acts" if self._has_slider else "no action raises it any more"
+            log.warning("the service ended with the speed slider at %.0f %%: %s", 100.0 * lowered, after)
+            if not self._has_slider:  # a person must raise it, and nothing here sees when
+                self._set_lowered(None)
         self._report = {**self._report, "active": list(decisions)}
         for found in decisions if self.rules is not None else ():
             log.warning(
@@ -130,6 +138,12 @@ class Reactions:
         return partial(make_listener, rules=self.rules, host=self._host)
 
     @property
+    def _has_slider(self) -> bool:
+        """Whether an action moves the speed slider."""
+        found = {} if self.rules is None else self.rules.actions
+        return any(isinstance(action, SpeedSliderAction) for action in found.values())
+
+    @property
     def webhooks(self) -> dict[str, WebhookAction]:
         """Name -> webhook."""
         found = {} if self.rules is None else self.rules.actions
@@ -141,7 +155,9 @@ class Reactions:
             self._send({"type": "restore", "decisions": self._latched, "lowered": self._lowered})
             return
         # One that has not been told yet does not know what the process before has left.
-        self._lowered = report["lowered"] or (self._lowered and not report["restored"])
+        lowered = self._lowered if report["lowered"] is None and not report["restored"] else report["lowered"]
+        if lowered != self._lowered:
+            self._set_lowered(lowered)
         if not report["restored"]:  # its latches are not complete yet
             earlier = [decision for decision in self._latched if decision not in report["active"]]
             report = {**report, "active": [*earlier, *report["active"]]}
@@ -153,6 +169,11 @@ class Reactions:
                 self.on_latched(latched)
         if report["answer"] in self._answers:
             self._answers[report["answer"]].set()
+
+    def _set_lowered(self, fraction: float | None) -> None:
+        self._lowered = fraction
+        if self.on_lowered is not None:
+            self.on_lowered(fraction)
 
     def note_webhook(self, name: str, ok: bool, reason: str, t: float) -> ContactEvent:
         """Record the result of a delivery; returns the event that reports it.
@@ -214,7 +235,10 @@ class Reactions:
         actions = self.actions
         failing = any(action.state == "failing" for action in actions.values())
         return ReactionsHealth(
-            status="failing" if failing else "ok", latched=len(self.latches), actions=actions
+            status="failing" if failing else "ok",
+            latched=len(self.latches),
+            lowered=self._lowered,
+            actions=actions,
         )
 
     def out(self) -> ReactionsOut:

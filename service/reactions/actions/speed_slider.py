@@ -9,6 +9,9 @@ from contactsense.service.reactions.actions.base import ActionSettings
 NAMES = ("speed_slider_mask", "speed_slider_fraction")
 """RTDE fields, in the order in which they are written."""
 
+SLIDER_READING = "target_speed_fraction"
+"""RTDE output with the slider's fraction."""
+
 
 class SpeedSliderAction(ActionSettings):
     """Sets a fraction of the programmed speed; never 0, because leaving 0 causes a protective stop."""

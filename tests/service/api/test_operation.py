@@ -157,7 +157,7 @@ def test_what_was_left_out_is_counted() -> None:
 def test_an_action_that_failed_is_told_until_an_attempt_succeeds() -> None:
     app = create_app(Settings())
     report = {"started": False, "answer": None, "restored": True, "active": [], "expected": []}
-    report["lowered"] = False
+    report["lowered"] = None
     failed = ActionHealth(type="command", state="failing", error="exit status 1")
     works = ActionHealth(type="command", state="ok")
     with serving(app):

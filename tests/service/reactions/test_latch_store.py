@@ -4,6 +4,8 @@ import sqlite3
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from contactsense.service.events.journal import Journal, JournalSettings
 from contactsense.service.reactions.latch_store import LatchStore
 from contactsense.service.reactions.rules import ReactionRules
@@ -16,6 +18,13 @@ RULES = ReactionRules.model_validate(
     }
 )
 
+SLOW = ReactionRules.model_validate(
+    {
+        "actions": {"slow": {"type": "speed_slider", "fraction": 0.1, "restore": 1.0}},
+        "rules": [{"name": "arm", "links": ["any"], "contact": {"force": 20.0, "actions": ["slow"]}}],
+    }
+)
+
 
 def latch(rule: str = "arm") -> dict[str, Any]:
     return {"rule": rule, "level": "collision", "t": 1.0, "link": "forearm", "force": 30.0}
@@ -24,7 +33,7 @@ def latch(rule: str = "arm") -> dict[str, Any]:
 def report(*active: dict[str, Any], restored: bool = True) -> dict[str, Any]:
     return {
         "started": False, "answer": None, "restored": restored, "active": list(active), "expected": [],
-        "actions": {}, "lowered": False,
+        "actions": {}, "lowered": None,
     }  # fmt: skip
 
 
@@ -54,6 +63,43 @@ def test_it_is_in_the_file_at_once(tmp_path: Path) -> None:
         other.close()
 
 
+def test_the_next_service_knows_that_the_slider_is_lowered(tmp_path: Path) -> None:
+    """It was forgotten, and the slider stayed low."""
+    settings = JournalSettings(path=tmp_path / "events.db")
+    sent: list[dict[str, Any]] = []
+    for lowered, expected in ((0.1, None), (0.3, 0.1), (None, 0.3), (None, None)):
+        with Journal(settings) as journal:
+            store = LatchStore(journal)
+            reactions = Reactions(SLOW, "192.0.2.1", lambda command: sent.append(command) is None)
+            reactions.on_lowered = store.save_lowered
+            reactions.restore(store.load(), store.load_lowered())
+            assert reactions.health().lowered == expected
+            reactions.handle_report({**report(), "started": True})
+            assert sent[-1]["lowered"] == expected
+            reactions.handle_report({**report(restored=False), "lowered": None})
+            assert reactions.health().lowered == expected  # the process has not been told yet
+            reactions.handle_report({**report(), "lowered": lowered})
+            assert reactions.health().lowered == lowered
+            store.close()
+
+
+def test_a_slider_that_no_action_raises_any_more_is_told_once(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    with Journal(JournalSettings(path=tmp_path / "events.db")) as journal:
+        store = LatchStore(journal)
+        store.save_lowered(0.1)
+        store.close()
+        assert store.load_lowered() == 0.1
+        again = LatchStore(journal)
+        reactions = Reactions(RULES, "192.0.2.1", lambda command: True)
+        reactions.on_lowered = again.save_lowered
+        reactions.restore([], again.load_lowered())
+        again.close()
+        assert again.load_lowered() is None
+    assert "the speed slider at 10 %: no action raises it any more" in caplog.text
+
+
 def test_saved_when_it_changes_and_sent_to_each_new_process() -> None:
     sent: list[dict[str, Any]] = []
     saved: list[list[dict[str, Any]]] = []
@@ -62,7 +108,7 @@ def test_saved_when_it_changes_and_sent_to_each_new_process() -> None:
     reactions.restore([latch()])
     assert [found.link for found in reactions.latches] == ["forearm"]
     reactions.handle_report({**report(), "started": True})
-    assert sent == [{"type": "restore", "decisions": [latch()], "lowered": False}]
+    assert sent == [{"type": "restore", "decisions": [latch()], "lowered": None}]
     reactions.handle_report(report(restored=False))  # the process does not know it yet
     assert len(reactions.latches) == 1
     assert not saved

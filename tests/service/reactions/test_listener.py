@@ -61,6 +61,10 @@ class Play:
     def events(self, kind: str) -> list[dict[str, Any]]:
         return [r["event"] for r in self.reports if r["type"] == "event" and r["event"]["kind"] == kind]
 
+    def slider_is_read(self) -> bool:
+        inputs = self.listener._inputs
+        return inputs is not None and inputs.ready and "target_speed_fraction" in inputs.values
+
     def state(self) -> dict[str, Any]:
         return next(r for r in reversed(self.reports) if r["type"] == "reactions")
 
@@ -281,31 +285,50 @@ def test_a_latch_is_reported_at_once_and_restored_by_the_next_process() -> None:
             second.listener.close()
 
 
-@pytest.mark.parametrize("ended", [True, False])
-def test_a_slider_that_an_earlier_process_has_lowered_is_raised_once_no_force_acts(ended: bool) -> None:
-    """It stayed low if the force ended while no process ran."""
+@pytest.mark.parametrize(
+    ("reads", "ended", "after"),
+    [(0.1, True, 1.0), (0.1, False, 0.1), (0.3, True, 0.1)],
+    ids=["no force acts", "a force acts", "somebody has moved it"],
+)
+def test_a_slider_that_an_earlier_process_has_lowered_is_raised_once_no_force_acts(
+    reads: float, ended: bool, after: float
+) -> None:
+    """It stayed low if the force ended while no process ran. Where it is not as it was left, it belongs to
+    whoever has moved it."""
     with rtde_server() as server:
         first = Play(server)
         first.until(lambda: first.code() == 0)
         first.step(estimate(0.0, contact(newtons=20.0)))
-        assert first.state()["lowered"]
+        assert first.state()["lowered"] == 0.1
         first.until(lambda: first.inputs.get("speed_slider_fraction") == (0.1,))
         first.listener.close()
+        server.controller.set_output("target_speed_fraction", (reads,))
         second = Play(server)
         try:
-            second.listener.command({"type": "restore", "decisions": [], "lowered": True})
-            second.until(lambda: second.code() == 0)
-            assert second.state()["lowered"]
+            second.listener.command({"type": "restore", "decisions": [], "lowered": 0.1})
+            second.until(lambda: second.code() == 0 and second.slider_is_read())
+            assert second.state()["lowered"] == 0.1
             force = () if ended else (contact(newtons=20.0),)
             for t in (5.0, 5.5, 5.9):
                 second.step(estimate(t, *force))
             assert second.inputs["speed_slider_fraction"] == (0.1,)
             second.step(estimate(6.1, *force))
-            for _ in range(0 if ended else 50):
+            for _ in range(50 if after == 0.1 else 0):
                 second.listener.tick(time.monotonic())
                 time.sleep(0.002)
-            second.until(lambda: second.inputs["speed_slider_fraction"] == ((1.0,) if ended else (0.1,)))
-            second.until(lambda: second.state()["lowered"] != ended)
+            second.until(lambda: second.inputs["speed_slider_fraction"] == (after,))
+            second.until(lambda: (second.state()["lowered"] is None) == ended)
+            told = [e["reason"] for e in second.events("action") if "earlier process" in e["reason"]]
+            assert (
+                told
+                == {
+                    (0.1, True): ["done: raised to 100%; an earlier process had left it at 10%"],
+                    (0.1, False): [],
+                    (0.3, True): [
+                        "left at 10% by an earlier process; stays at 30%, set by somebody else since"
+                    ],
+                }[reads, ended]
+            )
         finally:
             second.listener.close()
 

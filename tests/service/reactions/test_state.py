@@ -18,7 +18,7 @@ def latch(rule: str) -> dict[str, Any]:
 
 
 def report(
-    *active: dict[str, Any], restored: bool, started: bool = False, lowered: bool = False
+    *active: dict[str, Any], restored: bool, started: bool = False, lowered: float | None = None
 ) -> dict[str, Any]:
     return {
         "type": "reactions", "started": started, "answer": None, "restored": restored, "active": list(active),
@@ -33,7 +33,7 @@ def test_latches_of_before_and_of_a_new_process_are_listed_once_each_until_it_ha
     reactions.on_latched = lambda latched: stored.append([found["rule"] for found in latched])
     reactions.restore([latch("old")])
     reactions.handle_report(report(restored=False, started=True))
-    assert sent == [{"type": "restore", "decisions": [latch("old")], "lowered": False}]
+    assert sent == [{"type": "restore", "decisions": [latch("old")], "lowered": None}]
     for _ in range(3):
         reactions.handle_report(report(latch("new"), restored=False))
         assert [found.rule for found in reactions.latches] == ["old", "new"]
@@ -47,14 +47,14 @@ def test_latches_of_before_and_of_a_new_process_are_listed_once_each_until_it_ha
 def test_a_new_process_is_told_that_the_one_before_has_lowered_the_slider() -> None:
     sent: list[dict[str, Any]] = []
     reactions = Reactions(RULES, None, lambda command: sent.append(command) or True)  # type: ignore[func-returns-value]
-    reactions.handle_report(report(restored=True, lowered=True))
+    reactions.handle_report(report(restored=True, lowered=0.1))
     reactions.handle_report(report(restored=False, started=True))
     # It ends before it has been told.
     reactions.handle_report(report(restored=False))
     reactions.handle_report(report(restored=False, started=True))
     reactions.handle_report(report(restored=True))
     reactions.handle_report(report(restored=False, started=True))
-    assert [command["lowered"] for command in sent] == [True, True, False]
+    assert [command["lowered"] for command in sent] == [0.1, 0.1, None]
 
 
 def test_the_event_of_a_delivery_has_the_time_of_the_sample() -> None:
