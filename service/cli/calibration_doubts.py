@@ -12,7 +12,7 @@ from contactsense.robots.tool import Tool
 from contactsense.scene import Scene
 from contactsense.sensors.arm_limits import in_this_arm, within_the_joints
 from contactsense.sensors.field_checks import carried_by
-from contactsense.service.scene.load_warnings import load_warnings
+from contactsense.service.scene.load_warnings import load_warnings, tensor_warnings
 from contactsense.setup_check import CheckError, Line, check
 
 ESTIMATED: tuple[Line, ...] = (
@@ -30,7 +30,8 @@ def doubts(found: Calibration, scene: Scene, recordings: list[FreeMotion]) -> tu
         scene: The scene before.
         recordings: What was calibrated with.
     """
-    own = set(load_warnings(scene))
+    # Only sums over links are determined: the tensor of one may be that of no body.
+    own = {*load_warnings(scene), *tensor_warnings(found.scene)}
     reasons = [*_impossible(found), *(text for text in load_warnings(found.scene) if text not in own)]
     free = [_without_contacts(part, found) for part in recordings]
     for checked, corrected in ((scene, ESTIMATED), (found.scene, ())):

@@ -5,16 +5,22 @@ from collections.abc import Iterator
 import numpy as np
 
 from contactsense.plausibility.largest_reading import RAMP_TIME, largest_torque_at_rest
+from contactsense.robots.library import in_library
+from contactsense.robots.principal_moments import check_principal_moments
 from contactsense.scene import Scene
 from contactsense.sensors.settings import WrenchSensor, per_joint
 
 _OTHER_MASS = 2.0
 """A link whose mass differs from the robot's data by more than this factor is another link."""
+_OTHER_UNIT = 10.0
+"""A link whose largest principal moment differs from the robot's data by more than this factor has it in
+another unit."""
 
 
 def load_warnings(scene: Scene) -> Iterator[str]:
     """What is stated of loads, drives and noise beyond what the arm's data allow, one line each."""
     yield from _masses(scene)
+    yield from tensor_warnings(scene)
     yield from _torques(scene)
     yield from _drives(scene)
     if scene.base_wrench is not None:
@@ -34,16 +40,40 @@ def _masses(scene: Scene) -> Iterator[str]:
             )
 
 
+def tensor_warnings(scene: Scene) -> Iterator[str]:
+    """Inertia of links that no body has, or that is far from the robot's data, one line each.
+
+    A scene may have such an inertia: motion determines only sums over links, so calibration may state one.
+    """
+    for link in scene.robot.links:
+        stated = (scene.inertia or {}).get(link.name)
+        if stated is None:
+            continue
+        try:
+            check_principal_moments(stated.inertia.tensor)
+        except ValueError as error:
+            yield f"inertia.{link.name}.tensor: {error}; only `contactsense calibrate --links` may state such"
+            continue
+        own, known = (float(np.linalg.eigvalsh(i.tensor)[2]) for i in (stated.inertia, link.inertia))
+        if own > 0.0 and known > 0.0 and not 1.0 / _OTHER_UNIT < own / known < _OTHER_UNIT:
+            yield (
+                f"inertia.{link.name}.tensor: expected a largest principal moment of about the {known:.3g} "
+                f"kg m^2 of the robot's data, got {own:.3g} kg m^2"
+            )
+
+
 def _torques(scene: Scene) -> Iterator[str]:
-    """Joints that cannot hold arm and tool in some posture, where the scene states a part of the weight."""
-    if scene.tool is None and scene.inertia is None:
+    """Joints that cannot hold arm and tool in some posture. Those of a known arm can hold the arm itself."""
+    if scene.tool is None and scene.inertia is None and in_library(scene.robot):
         return
     joints = scene.robot.joints
     largest = largest_torque_at_rest(scene)
     limits = np.array([joint.torque_limit for joint in joints])
     worst = int(np.argmax(largest / limits))
     if largest[worst] > limits[worst]:
-        field = "tool" if scene.tool is not None and scene.tool.mass > 0.0 else "inertia"
+        field = "robot" if scene.inertia is None else "inertia"
+        if scene.tool is not None and scene.tool.mass > 0.0:
+            field = "tool"
         yield (
             f"{field}: expected a weight that {joints[worst].name} can hold ({limits[worst]:.3g} Nm), got "
             f"{largest[worst]:.3g} Nm in some posture"

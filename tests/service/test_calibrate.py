@@ -17,12 +17,13 @@ from contactsense.calibration.fourier_trajectory import FourierTrajectory
 from contactsense.calibration.parameters import Entry
 from contactsense.calibration.result import Value
 from contactsense.robots.tool import Tool
-from contactsense.sensors.settings import Friction
+from contactsense.sensors.settings import Friction, LinkInertia
 from contactsense.service.cli.calibrate import calibrate
 from contactsense.service.cli.calibration_doubts import doubts
 from contactsense.service.cli.calibration_page import page, reasons_against
 from contactsense.service.recordings.export import write_columns
 from contactsense.service.recordings.free_motion import read_free_motion
+from contactsense.service.scene.load_warnings import load_warnings
 
 TRUTH = Scene(
     robot="ur5e",
@@ -209,6 +210,17 @@ def test_a_payload_that_pulls_upwards_is_not_recommended(folder: Path) -> None:
     for mass, told in ((-1.0, ()), (-4.0, ("tool.mass: expected at least -2.2 kg, got -4 kg",))):
         found = replace(known, values=(Value(entry, 0.0, mass, 0.1),))
         assert doubts(found, found.scene, []) == told
+
+
+def test_a_tensor_that_no_link_has_is_no_reason_against_a_calibration(folder: Path) -> None:
+    """Motion determines only sums over links, so calibration may share them out in such a way."""
+    scene = Scene.load(folder / "scene.yaml")
+    parts, _ = read_free_motion(folder / "free.csv", scene)
+    known = estimate(scene, parts, Settings(("bias",), widths=False))
+    forearm = LinkInertia(mass=2.8, com=(0.2, 0.0, 0.01), tensor=(0.006, 0.0, 0.0, 0.08, 0.0, 0.1))
+    found = replace(known, scene=known.scene.model_copy(update={"inertia": {"forearm": forearm}}))
+    assert any("inertia.forearm.tensor" in text for text in load_warnings(found.scene))
+    assert doubts(found, known.scene, []) == ()
 
 
 @pytest.mark.slow

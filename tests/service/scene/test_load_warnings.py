@@ -1,8 +1,10 @@
 """Numbers of a scene that are possible but not those of its arm."""
 
+import dataclasses
+
 import pytest
 
-from contactsense import JointTorqueSensor, Scene, WrenchSensor
+from contactsense import JointTorqueSensor, Scene, WrenchSensor, robots
 from contactsense.robots.tool import Tool
 from contactsense.scene import SceneError
 from contactsense.sensors.settings import Friction, LinkInertia
@@ -11,6 +13,23 @@ from contactsense.service.scene.load_warnings import load_warnings
 NONE = (0.0,) * 6
 RATED = {"ur3e": 3.0, "ur5e": 5.0, "ur10e": 12.5, "ur16e": 16.0, "ur20": 20.0}
 """Payloads of the arms [kg], from their data sheets."""
+
+
+def with_tensor(xx: float, yy: float, zz: float) -> Scene:
+    tensor = (xx, 0.0, 0.0, yy, 0.0, zz)
+    inertia = LinkInertia(mass=2.85, com=(0.0, 0.0, 0.0), tensor=tensor)
+    return Scene(robot="ur5e", inertia={"forearm": inertia})
+
+
+def test_an_arm_of_ones_own_that_is_too_heavy_for_its_joints_is_told() -> None:
+    """A mass of 3.7 t in its file was accepted."""
+    arm = robots.load("ur5e")
+    upper_arm = arm.links[2]
+    heavy = dataclasses.replace(upper_arm.inertia, mass=1000.0 * upper_arm.inertia.mass)
+    links = (*arm.links[:2], dataclasses.replace(upper_arm, inertia=heavy), *arm.links[3:])
+    assert not list(load_warnings(Scene(robot=dataclasses.replace(arm, file=None))))
+    (found,) = load_warnings(Scene(robot=dataclasses.replace(arm, file=None, links=links)))
+    assert found.startswith("robot: expected a weight that shoulder_lift_joint can hold (150 Nm), got ")
 
 
 @pytest.mark.parametrize(("arm", "mass"), RATED.items())
@@ -36,6 +55,20 @@ def test_the_rated_payload_gives_no_warning(arm: str, mass: float, mounting: str
         (
             Scene(robot="ur5e", inertia={"forearm": LinkInertia(mass=8.0, com=(0, 0, 0), tensor=NONE)}),
             "inertia.forearm.mass: expected about the 2.85 kg of the robot's data, got 8 kg",
+        ),
+        (
+            with_tensor(0.01, 0.01, 0.1),
+            "inertia.forearm.tensor: expected the inertia of a body, whose principal moments are not "
+            "negative and none larger than the sum of the others, got principal moments 0.01, 0.01, 0.1 kg",
+        ),
+        (
+            with_tensor(4.0, 4.0, 0.1),
+            "inertia.forearm.tensor: expected a largest principal moment of about the 0.0788 kg m^2 of "
+            "the robot's data, got 4 kg m^2",
+        ),
+        (
+            with_tensor(1e-5, 1e-5, 1e-6),
+            "inertia.forearm.tensor: expected a largest principal moment of about",
         ),
         (
             Scene(robot="ur5e", joint_torque=JointTorqueSensor(noise=(1.0, 1.0, 1.0, 1.0, 28.0, 1.0))),
