@@ -1,12 +1,14 @@
 """The report on a recording: one HTML file that needs no internet connection, and the same as Markdown."""
 
 import json
+import re
 from html import escape
 from pathlib import Path
 from typing import Any
 
 import jinja2
 import numpy as np
+from markupsafe import Markup
 
 from contactsense.detection.thresholds import sensor_set, stream_thresholds
 from contactsense.scene import Scene
@@ -34,6 +36,14 @@ _templates = jinja2.Environment(
     undefined=jinja2.StrictUndefined,
 )
 _templates.globals["nowhere"] = NOWHERE
+
+
+def _code(text: str) -> Markup:
+    """HTML of a message, in which commands and fields stand between backticks."""
+    return Markup(re.sub("`([^`]+)`", r"<code>\1</code>", escape(text)))
+
+
+_templates.filters["code"] = _code
 
 
 def write_report(analysis: Analysis, folder: Path) -> None:

@@ -137,9 +137,13 @@ def test_an_uncalibrated_scene_is_warned_of_before_its_contacts(tmp_path: Path) 
     assert "contactsense calibrate" in result.stdout
     # Said once.
     assert "line of the scene is wrong" not in result.stdout
-    for name in ("report.md", "report.html"):
-        text = (tmp_path / "out" / name).read_text()
+    markdown, html = ((tmp_path / "out" / name).read_text() for name in ("report.md", "report.html"))
+    for text in (markdown, html):
         assert text.index(warning) < text.index("begin")
+    # Backticks are Markdown's; in HTML they stood around the command.
+    assert "Run <code>contactsense calibrate</code> on" in html
+    assert "`" not in html[: html.index("begin")]
+    assert "Run `contactsense calibrate` on" in markdown
 
 
 def test_residuals_far_above_the_noise_are_warned_of() -> None:
