@@ -29,7 +29,9 @@ class ContactEvent(BaseModel):
         "reason; expected: a window for an expected contact was opened or closed."
     )
     contact: int = Field(0, description="Number of the contact in its stream; 0 where there is none.")
-    t: float = Field(0.0, description="Time on the robot's clock [s].")
+    t: float | None = Field(
+        None, description="Time on the robot's clock [s]; null where no sample has arrived yet."
+    )
     time: str = Field("", description="Time on the host's clock, ISO 8601 in UTC.")
     link: str = Field("", description="The most probable link; of the whole contact where it has ended.")
     body: str = Field(

@@ -60,7 +60,7 @@ class ReactionListener:
         self._degraded = True
         self._now = self._last_estimate = self._last_write = self._last_report = -1e9
         self._began: float | None = None
-        self._t = 0.0
+        self._t: float | None = None  # of the newest sample
         self._restored = self._informed = False
         self._inputs_before: dict[str, int] = {}
         self._report_state(started=True)
@@ -195,7 +195,7 @@ class ReactionListener:
         if self._registers is None or self._inputs is None or not self._restored:
             return
         self._beat = not self._beat
-        values = self._registers.values(self._decision, self._t, self._beat, self._degraded)
+        values = self._registers.values(self._decision, self._t or 0.0, self._beat, self._degraded)
         self._inputs.write("registers", values)
         self._last_write = self._now
 
@@ -230,7 +230,8 @@ class ReactionListener:
                 self._slider_due = value
                 self._write_slider()
                 written = self._slider_due is None
-                self._note(name, written, "" if written else self._health[name].error or "not connected")
+                error = self._health[name].error or "not connected"
+                self._note(name, written, f"set to {_percent(value)}" if written else error)
         elif begins and isinstance(action, WebhookAction):
             self._health[name].started += 1
             self._reports.append({"type": "webhook", "action": name, "decision": decision.as_dict()})
@@ -302,15 +303,15 @@ class ReactionListener:
             return
         self._left_low = None
         if restore is None:
-            words = f"left at {left:.0%} by an earlier process, and stays there: no restore is stated"
+            words = f"left at {_percent(left)} by an earlier process, and stays there: no restore is stated"
         elif abs(found - left) > _SAME_FRACTION:
             words = (
-                f"left at {left:.0%} by an earlier process; stays at {found:.0%}, set by somebody else since"
+                f"left at {_percent(left)} by an earlier process; somebody has set {_percent(found)} since"
             )
         else:
             self._slider_due = restore
             self._write_slider()
-            words = f"done: raised to {restore:.0%}; an earlier process had left it at {left:.0%}"
+            words = f"done: raised to {_percent(restore)}; an earlier process had left it at {_percent(left)}"
         self._report_event(ContactEvent(kind="action", t=self._t, action=self._slider_name, reason=words))
 
     @property
@@ -361,6 +362,10 @@ class ReactionListener:
 
 def _only(rules: ReactionRules, kind: type[_A]) -> tuple[_A | None, str]:
     return next(((a, n) for n, a in rules.actions.items() if isinstance(a, kind)), (None, ""))
+
+
+def _percent(fraction: float) -> str:
+    return f"{100.0 * fraction:.3g} %"
 
 
 def _updated(decision: Decision, estimate: Estimate) -> Decision:

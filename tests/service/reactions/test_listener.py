@@ -94,6 +94,9 @@ def test_a_contact_a_collision_and_an_acknowledgement(play: Play) -> None:
     play.step(estimate(0.2))
     play.until(lambda: play.inputs["speed_slider_fraction"] == (1.0,))
     assert play.code() == 42  # latched
+    slider = [event for event in play.events("action") if event["action"] == "slow"]
+    assert [event["reason"] for event in slider] == ["done: set to 10 %", "done: set to 100 %"]
+    assert [event["t"] for event in slider] == [0.0, 0.2]
     (collision,) = play.events("collision")
     assert (collision["rule"], collision["link"], collision["contact"]) == ("arm", "forearm", 1)
     play.listener.command({"type": "acknowledge", "rule": None, "by": "a test", "id": "7"})
@@ -214,6 +217,7 @@ def test_in_use_names_the_variable_and_what_else_to_take() -> None:
             made.until(lambda: made.events("action"))
             (event,) = made.events("action")
             assert event["action"] == "tell"
+            assert event["t"] is None  # no sample has arrived: 0.0 would be a time
             assert "IN_USE: another client writes input_int_register_47" in event["reason"]
             assert "take others in the rules' file: int and double 24 to 47" in event["reason"]
             made.step(estimate(0.0, contact(newtons=20.0)))
@@ -322,11 +326,9 @@ def test_a_slider_that_an_earlier_process_has_lowered_is_raised_once_no_force_ac
             assert (
                 told
                 == {
-                    (0.1, True): ["done: raised to 100%; an earlier process had left it at 10%"],
+                    (0.1, True): ["done: raised to 100 %; an earlier process had left it at 10 %"],
                     (0.1, False): [],
-                    (0.3, True): [
-                        "left at 10% by an earlier process; stays at 30%, set by somebody else since"
-                    ],
+                    (0.3, True): ["left at 10 % by an earlier process; somebody has set 30 % since"],
                 }[reads, ended]
             )
         finally:
