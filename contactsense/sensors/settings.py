@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import (
     AfterValidator,
+    BeforeValidator,
     ConfigDict,
     Field,
     NonNegativeFloat,
@@ -67,9 +68,12 @@ Noise = Annotated[float, Field(gt=0.0, le=1e4)]
 Six = tuple[float, float, float, float, float, float]
 
 
-def _two_or_six(numbers: tuple[float, ...] | None) -> tuple[float, ...] | None:
-    if numbers is not None and len(numbers) not in (2, 6):
-        raise ValueError(f"expected 2 or 6 numbers [N, Nm], got {len(numbers)}")
+def _two_or_six(numbers: object) -> object:
+    if numbers is not None and not (isinstance(numbers, list | tuple) and len(numbers) in (2, 6)):
+        got = len(numbers) if isinstance(numbers, list | tuple) else repr(numbers)
+        raise ValueError(
+            f"expected two numbers, force and moment, or six, one per component [N, Nm], got {got}"
+        )
     return numbers
 
 
@@ -99,7 +103,7 @@ class WrenchSensor(Part):
     delay: Annotated[float, AfterValidator(in_seconds)] = 0.0
     """Delay of the readings relative to the joint positions of the same instant [s]."""
 
-    range: Annotated[tuple[PositiveFloat, ...] | None, AfterValidator(_two_or_six)] = None
+    range: Annotated[tuple[PositiveFloat, ...] | None, BeforeValidator(_two_or_six)] = None
     """Largest force and moment that the sensor measures, in its own frame [N, Nm]: two numbers, or six, one
     per component. While a component is at or beyond it, the sensor is not used. None: unknown."""
 

@@ -187,7 +187,8 @@ def _base_sensor(scene: Scene, weight: ArmWeight, q: np.ndarray) -> tuple[Line, 
         Line("", f"must read {_wrench(reading)} at rest with joints at ({posture}) deg"),
         Line(
             "",
-            f"at rest up to {largest[:3].max():.0f} N, {largest[3:].max():.0f} Nm in any posture: {limits}",
+            f"at rest up to {largest[:3].max():.0f} N, {largest[3:].max():.0f} Nm on one axis, in any "
+            f"posture: {limits}",
         ),
     )
 

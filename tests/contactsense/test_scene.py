@@ -107,7 +107,11 @@ def test_a_scene_file_gives_the_same_scene(tmp_path: Path) -> None:
         ),
         (
             {"robot": "ur5e", "base_wrench": {"range": [1, 2, 3]}},
-            r"^base_wrench\.range: expected 2 or 6 numbers",
+            r"^base_wrench\.range: expected two numbers, force and moment, or six, .*, got 3$",
+        ),
+        (
+            {"robot": "ur5e", "base_wrench": {"range": 2000}},
+            r"^base_wrench\.range: expected two numbers, force and moment, or six, .*, got 2000$",
         ),
     ],
 )
