@@ -136,7 +136,7 @@ def _largest(values: list[float | None]) -> float | None:
 
 
 def _text(value: float | None, unit: str, digits: int = 2) -> str:
-    return "unknown" if value is None else f"{value:+.{digits}f} {unit}"
+    return "unknown" if value is None else f"{value:+z.{digits}f} {unit}"
 
 
 def _charts(summary: FleetSummary) -> list[tuple[str, str, str]]:

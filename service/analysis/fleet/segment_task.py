@@ -67,7 +67,9 @@ def run_segment(task: SegmentTask) -> dict[str, Any]:
             run = _run(task.scene, task.parts, absent)
         result, table = _analyze(recording, segment, run)
     except RecordingError as error:
-        result, table = {"problem": str(error)}, contact_table([])
+        # As in all other lines, the recording is named within the dataset: reports are passed on.
+        reason = str(error).replace(str(segment.file.path), segment.file.name)
+        result, table = {"problem": reason}, contact_table([])
     result |= {
         "name": segment.file.name,
         "robot": segment.file.robot,

@@ -23,7 +23,7 @@ from contactsense.benchmarks.fleet.dataset import (
     write_scenes,
 )
 from contactsense.scene import Scene, SceneError
-from contactsense.service.analysis.fleet.report import write_fleet_report
+from contactsense.service.analysis.fleet.report import _text, write_fleet_report
 from contactsense.service.analysis.fleet.run import analyze_fleet
 from contactsense.service.analysis.fleet.scenes import scene_files
 from contactsense.service.analysis.fleet.segments import find_recordings, segments
@@ -166,7 +166,8 @@ def test_results_do_not_depend_on_the_workers_and_are_not_made_twice(tmp_path: P
     data = _dataset(tmp_path / "data")
     one = analyze_fleet((data,), scene, tmp_path / "one")
     assert one.skipped == 1
-    assert "two.parquet" in one.problems[0]
+    (told,) = [text for text in one.problems if "two.parquet" in text]
+    assert told.startswith("robot="), "its whole path on this computer"
     assert [(robot.robot, robot.recordings, robot.contacts) for robot in one.robots] == [
         ("a", 2, 16),
         ("b", 1, 8),
@@ -375,3 +376,7 @@ def test_drift_of_friction_and_bias_is_reported(tmp_path: Path) -> None:
     text = (tmp_path / "out" / "fleet.html").read_text()
     assert "Coulomb friction of arm09 beyond the scene" in text
     assert "friction drift" in (tmp_path / "out" / "fleet.md").read_text()
+
+
+def test_a_drift_that_is_rounded_to_zero_has_no_minus() -> None:
+    assert [_text(value, "N") for value in (-0.001, -0.006, None)] == ["+0.00 N", "-0.01 N", "unknown"]

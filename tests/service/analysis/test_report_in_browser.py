@@ -15,6 +15,8 @@ from tests.service.analysis.recordings import demo, write_motion
 from tests.service.drawing.test_palette import contrast
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+LONG = "demo" + 8 * "_of_the_cell"
+"""Name of a recording that is wider than a narrow screen and has no place to break."""
 QUIET = (
     "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
     "--disable-background-networking", "--disable-component-update", "--disable-sync",
@@ -33,9 +35,9 @@ def browser() -> str:
 @pytest.fixture(scope="module")
 def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("analysis")
-    write_motion(demo(), folder / "demo.parquet", last=4500)
+    write_motion(demo(), folder / f"{LONG}.parquet", last=4500)
     (folder / "scene.yaml").write_text("robot: ur5e\n")
-    arguments = [str(folder / "demo.parquet"), "--scene", str(folder / "scene.yaml")]
+    arguments = [str(folder / f"{LONG}.parquet"), "--scene", str(folder / "scene.yaml")]
     result = CliRunner().invoke(analyze, [*arguments, "--out", str(folder / "out")])
     assert result.exit_code == 0, result.output
     (page,) = (folder / "out").rglob("*.html")
@@ -80,8 +82,10 @@ def fleet(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_scenes(folder / "data", 1)
     for task in plan(folder / "data", 3, 1, 12.0):
         make_recording(task)
+    recording = next((folder / "data").rglob("*.parquet"))
+    recording.with_name(f"{LONG}.parquet").write_bytes(b"broken")
     result = CliRunner().invoke(analyze, [str(folder / "data"), "--out", str(folder / "out")])
-    assert result.exit_code == 0, result.output
+    assert result.exit_code == 1, result.output
     return folder / "out" / "fleet.html"
 
 
