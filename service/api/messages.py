@@ -317,7 +317,7 @@ class HealthOut(BaseModel):
         description="Computed at each request. ok: samples arrive and are estimated; degraded: they are, "
         "but something is missing or wrong, see reasons; starting: kernels are being loaded; waiting: no "
         "usable samples, sensors are tried again all the time; failing: the pipeline itself broke or hangs "
-        "and is being restarted; idle: no robot is configured, only POST /v1/locate works."
+        "and is being restarted; idle: no robot is configured, only POST /v1/locate and WS /v1/track work."
     )
     message: str = Field(description="The same for a person, with what to do about it.")
     reasons: list[str] = Field(description="The parts of message, one for each thing that is wrong.")

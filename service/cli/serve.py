@@ -35,8 +35,8 @@ READY = "serving at "
 @click.option("--scene", type=click.Path(path_type=Path), help="Scene file (YAML).")
 @click.option("--robot", help="Robot to assume where there is no scene file.  [default: ur5e]")
 @sensor_options(
-    "Address of the robot's controller; without it only POST /v1/locate works. With --source push: the robot "
-    "that reactions act on."
+    "Address of the robot's controller; without it only POST /v1/locate and WS /v1/track work. With --source "
+    "push: the robot that reactions act on."
 )
 @click.option("--host", help="Address to serve at.  [default: 127.0.0.1]")
 @click.option("--port", type=int, help="Port to serve at; 0 takes a free one.  [default: 8000]")

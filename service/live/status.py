@@ -40,7 +40,7 @@ class Facts:
 def assess(facts: Facts) -> tuple[Status, tuple[str, ...]]:
     """Return the status and at least one reason for it, each a sentence for a technician."""
     if facts.process == "none":
-        return "idle", ("no robot is configured: only POST /v1/locate works",)
+        return "idle", ("no robot is configured: only POST /v1/locate and WS /v1/track work",)
     if facts.process == "ended" or (facts.process == "starting" and facts.end):
         return "failing", (f"the pipeline {facts.end}; it is being restarted", *facts.others)
     if facts.process == "starting":

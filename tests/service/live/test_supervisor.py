@@ -226,4 +226,4 @@ def test_nothing_is_logged_before_the_start(caplog: pytest.LogCaptureFixture) ->
     runner = Runner(SCENE, None, lambda t, message: None)
     assert not caplog.messages
     runner.start()
-    assert caplog.messages == ["idle: no robot is configured: only POST /v1/locate works"]
+    assert caplog.messages == ["idle: no robot is configured: only POST /v1/locate and WS /v1/track work"]
