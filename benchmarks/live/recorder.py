@@ -8,13 +8,13 @@ import json
 import resource
 import tempfile
 import time
-from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import click
 import numpy as np
 
+from contactsense.service.api.sample_source import reader_settings
+from contactsense.service.api.scene_file import load_scene
 from contactsense.service.api.settings import Settings
 from contactsense.service.mock.script import Script
 from contactsense.service.mock.servers import MockServers, MockSettings
@@ -43,10 +43,10 @@ def live(seconds: float, rotation: Rotation, folder: Path) -> dict[str, float]:
             ft_port=servers.netft.port,
             ft_http_port=servers.netft.http_port,
         )
-        scene = settings.load_scene()
-        opener = settings.open_source(scene)
-        assert isinstance(opener, partial)
-        source = LiveSource(scene, replace(opener.keywords["settings"]))
+        scene = load_scene(settings)
+        reader = reader_settings(settings, scene)
+        assert reader is not None
+        source = LiveSource(scene, reader)
         recorder = Recorder(folder, scene, rotation, rate=_RATE)
         source.observer = recorder
         begin, half = time.monotonic(), 0

@@ -17,10 +17,13 @@ from starlette.requests import HTTPConnection
 from contactsense import Scene
 from contactsense.plausibility.plausible_limits import PlausibleLimits
 from contactsense.service.api import clips, messages, track
+from contactsense.service.api.clip_recording import clip_listeners
 from contactsense.service.api.connections import ConnectionLimits
 from contactsense.service.api.limits import RequestLimits
 from contactsense.service.api.messages import HealthOut
 from contactsense.service.api.metrics import Metrics
+from contactsense.service.api.sample_source import check_robot_address, open_source
+from contactsense.service.api.scene_file import load_scene
 from contactsense.service.api.settings import Settings, SettingsError
 from contactsense.service.controllers.robot_program import NewestEstimate, RobotProgramMethods
 from contactsense.service.controllers.robot_program_servers import RobotProgramServers
@@ -48,7 +51,7 @@ class Service:
         source: Callable[[Scene], Source] | None,
         on_loading: OnLoading | None = None,
     ) -> None:
-        self.scene = settings.load_scene()
+        self.scene = load_scene(settings)
         self.plausible = PlausibleLimits(self.scene)
         """Limits of the measurements in requests."""
         self.hub = Hub(settings.queue)
@@ -66,7 +69,7 @@ class Service:
         self.latches: LatchStore
         """Latched collisions in the journal's file; open while the service runs."""
         rules = self._load_rules(self.scene)
-        settings.check_robot_address(rules)
+        check_robot_address(settings, rules)
         try:
             self.reactions = Reactions(
                 rules,
@@ -79,7 +82,7 @@ class Service:
         self._given_source = source
         self.runner = Runner(
             self.scene,
-            source or settings.open_source(self.scene),
+            source or open_source(settings, self.scene),
             self.hub.publish,
             self._handle_report,
             self._listeners(),
@@ -190,7 +193,7 @@ class Service:
     def _listeners(self) -> tuple[ListenerFactory, ...]:
         factory = self.reactions.factory
         # Reactions come first: they are urgent, recordings are not.
-        return (*(() if factory is None else (factory,)), *self._settings.listeners())
+        return (*(() if factory is None else (factory,)), *clip_listeners(self._settings))
 
     async def _load(self) -> None:
         await self.runner.loaded.wait()  # two processes compiling the same kernels would be slower
@@ -201,8 +204,8 @@ class Service:
         """Reload the scene and the rules; if they are not valid, nothing changes."""
         at = datetime.now(UTC).isoformat(timespec="milliseconds")
         try:
-            scene = await asyncio.to_thread(self._settings.load_scene)
-            source = self._given_source or await asyncio.to_thread(self._settings.open_source, scene)
+            scene = await asyncio.to_thread(load_scene, self._settings)
+            source = self._given_source or await asyncio.to_thread(open_source, self._settings, scene)
             rules = await asyncio.to_thread(self._load_rules, scene)
             plausible = await asyncio.to_thread(PlausibleLimits, scene)
             self.reactions.replace(rules)

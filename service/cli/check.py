@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import asdict
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +12,7 @@ from rich.table import Table
 
 from contactsense.calibration import FreeMotion
 from contactsense.scene import Scene, SceneError
+from contactsense.service.api.sample_source import reader_settings
 from contactsense.service.api.settings import Settings, SettingsError
 from contactsense.service.cli.finite_range import FiniteRange
 from contactsense.service.cli.option_names import as_options
@@ -92,12 +92,12 @@ def check(
                 if "robot_host" not in known:
                     raise SettingsError("check: expected either recordings or --robot-host, got neither")
                 settings = Settings.checked({**known, "scene": scene_file}, "check", as_options())
-                opener = settings.open_source(scene)
-                assert isinstance(opener, partial)
+                reader = reader_settings(settings, scene)
+                assert reader is not None
                 parts = [
                     read_live_motion(
                         scene,
-                        opener.keywords["settings"],
+                        reader,
                         seconds,
                         lambda t: status.update(f"reading the robot: {t:.0f} of {seconds:.0f} s"),
                     )

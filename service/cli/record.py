@@ -3,7 +3,6 @@
 import contextlib
 import time
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,8 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from contactsense.calibration.free_motion import without_delays
 from contactsense.scene import Scene, SceneError
+from contactsense.service.api.sample_source import reader_settings
+from contactsense.service.api.scene_file import load_scene
 from contactsense.service.api.settings import Settings, SettingsError
 from contactsense.service.cli.finite_range import FiniteRange
 from contactsense.service.cli.option_names import as_options
@@ -99,16 +100,14 @@ def record(
             _convert(origin, out, given.get("scene"), columns)
             return
         settings = Settings.checked({**from_environment("scene", "robot"), **given}, "record", as_options())
-        scene = settings.load_scene()
-        opener = settings.open_source(scene)
-        if opener is None:
+        scene = load_scene(settings)
+        reader = reader_settings(settings, scene)
+        if reader is None:
             raise SettingsError("record: expected --robot-host, the address of a robot, got none")
-        assert isinstance(opener, partial)
-        parts = opener.keywords["settings"]
         extra = tuple(name.strip() for name in fields.split(",") if name.strip())
         rotation = Rotation(rotate_seconds, rotate_mb, disk_limit_mb)
         recorder = Recorder(out, scene, rotation, rate=settings.robot_rate)
-        with contextlib.closing(LiveSource(scene, replace(parts, extra_fields=extra))) as live:
+        with contextlib.closing(LiveSource(scene, replace(reader, extra_fields=extra))) as live:
             live.observer = recorder
             _run(live, recorder, seconds, out)
     except (SettingsError, SensorError, RecordingError, MappingError, SceneError, LiveError) as error:

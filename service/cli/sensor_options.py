@@ -5,7 +5,8 @@ from typing import Any, TypeVar
 
 import click
 
-from contactsense.service.api.settings import READERS, Settings
+from contactsense.service.api.sample_source import READERS
+from contactsense.service.api.settings import Settings
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 

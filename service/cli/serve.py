@@ -19,6 +19,8 @@ from contactsense.robots.jit.progress_bar import CompilationBar
 from contactsense.service import logs
 from contactsense.service.api.app import create_app
 from contactsense.service.api.connections import http_protocol, websocket_protocol
+from contactsense.service.api.exposure import check_exposure
+from contactsense.service.api.sample_source import unused
 from contactsense.service.api.settings import Settings, SettingsError
 from contactsense.service.api.variables import GROUPED, misspelled
 from contactsense.service.cli.option_names import as_options
@@ -102,14 +104,14 @@ def serve(**options: Any) -> int:
             if option in given:
                 groups.setdefault(group, dict(inherited.get(group, {})))[field] = given.pop(option)
         settings = Settings.checked({**inherited, **given, **groups}, "serve", as_options(GROUPED))
-        settings.check_exposure()
+        check_exposure(settings)
         logs.configure(settings.log_level, settings.log_format, settings.log_file)
         app = create_app(settings, on_loading=bar.update)
         scene, log = app.state.service.scene, logging.getLogger("contactsense")
         for warning in scene_warnings(scene):
             log.warning("scene: %s", warning)
-        for unused in (*settings.unused(scene), *misspelled(os.environ, Settings.model_fields)):
-            log.warning("%s", unused)
+        for line in (*unused(settings, scene), *misspelled(os.environ, Settings.model_fields)):
+            log.warning("%s", line)
     except SettingsError as error:
         raise click.ClickException(str(error)) from None
     except OSError as error:

@@ -184,37 +184,6 @@ def test_the_root_leads_to_the_description_without_a_token(locked: str) -> None:
     assert (answer.status_code, answer.headers["location"]) == (307, "docs")
 
 
-@pytest.mark.parametrize(
-    ("settings", "complaint"),
-    [
-        ({"host": "0.0.0.0"}, "expected a token"),
-        ({"host": "0.0.0.0", "token": TOKEN}, "--insecure-no-tls"),
-        ({"host": "192.0.2.1", "token": TOKEN, "tls_key": "k"}, "both --tls-certificate and --tls-key"),
-    ],
-)
-def test_other_computers_only_with_token_and_tls(settings: dict[str, object], complaint: str) -> None:
-    with pytest.raises(SettingsError, match=complaint):
-        Settings.checked(settings).check_exposure()
-
-
-def test_other_computers_with_all_that_is_needed(tmp_path: Path) -> None:
-    Settings.checked({"host": "0.0.0.0", "token": TOKEN, "insecure_no_tls": True}).check_exposure()
-    Settings.checked({"host": "::1"}).check_exposure()
-    path = tmp_path / "token"
-    path.write_text(f"{TOKEN}\n")
-    settings = Settings.checked(
-        {"host": "0.0.0.0", "token_file": path, "tls_certificate": "c", "tls_key": "k"}
-    )
-    settings.check_exposure()
-    assert settings.access_rules().token == TOKEN
-    path.write_text("short")
-    with pytest.raises(SettingsError, match="at least 16 characters"):
-        settings.access_rules()
-    path.unlink()
-    with pytest.raises(SettingsError, match="cannot be read"):
-        settings.access_rules()
-
-
 def test_a_body_too_large_is_refused_before_it_is_read() -> None:
     with guarded(app(max_body=1000)) as place:
         large = b" " * 300_000

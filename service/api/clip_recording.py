@@ -1,0 +1,30 @@
+"""The listener that records clips into the folder that the settings name."""
+
+import tempfile
+from collections.abc import Callable
+from functools import partial
+
+from contactsense.scene import Scene
+from contactsense.service.api.settings import Settings, SettingsError
+from contactsense.service.live.listener import Listener
+from contactsense.service.recordings.clip_listener import ClipListener
+
+
+def clip_listeners(settings: Settings) -> tuple[Callable[[Scene], Listener], ...]:
+    """Factories of the pipeline's listeners, picklable.
+
+    Raises:
+        SettingsError: The folder for recordings cannot be written to.
+    """
+    folder = settings.recording.folder
+    if folder is None:
+        return ()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise SettingsError(
+            f"--recordings: {folder}: expected a folder that can be written to, got: {error.strerror}"
+        ) from None
+    return (partial(ClipListener, settings=settings.recording, rate=settings.robot_rate),)

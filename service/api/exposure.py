@@ -1,0 +1,62 @@
+"""Who can reach the service by its settings: rules of access, and what exposes it by accident."""
+
+import ipaddress
+
+from contactsense.service.api.access import AccessRules
+from contactsense.service.api.settings import Settings, SettingsError
+
+
+def is_loopback(host: str) -> bool:
+    """Whether only this computer can reach a service at that address."""
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def access_rules(settings: Settings) -> AccessRules:
+    """Return the rules of access.
+
+    Raises:
+        SettingsError: The token file cannot be read or contains no token.
+    """
+    token = settings.token
+    if settings.token_file is not None:
+        try:
+            token = settings.token_file.read_text().strip()
+        except (OSError, UnicodeDecodeError) as error:
+            raise SettingsError(
+                f"--token-file: {settings.token_file} cannot be read: {getattr(error, 'strerror', error)}"
+            ) from None
+        if len(token) < 16:
+            raise SettingsError(
+                f"--token-file: expected a token of at least 16 characters in {settings.token_file}, "
+                f"got {len(token)}"
+            )
+    hosts = (*settings.allowed_hosts, settings.host) if settings.host else settings.allowed_hosts
+    return AccessRules(token, hosts, settings.allowed_origins)
+
+
+def check_exposure(settings: Settings) -> None:
+    """Check that the service is not exposed to other computers by accident without a token or without
+    TLS.
+
+    Raises:
+        SettingsError: The token or TLS is missing; the message states which.
+    """
+    if (settings.tls_certificate is None) != (settings.tls_key is None):
+        raise SettingsError("expected both --tls-certificate and --tls-key, or neither, got one")
+    if is_loopback(settings.host):
+        return
+    if access_rules(settings).token is None:
+        raise SettingsError(
+            f"--host {settings.host} is reached by other computers: expected a token (CONTACTSENSE_TOKEN or "
+            "--token-file), got none"
+        )
+    if settings.tls_certificate is None and not settings.insecure_no_tls:
+        raise SettingsError(
+            f"--host {settings.host} is reached by other computers: expected --tls-certificate and "
+            "--tls-key, or --insecure-no-tls for a network that you trust, got neither"
+        )

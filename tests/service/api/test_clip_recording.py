@@ -1,0 +1,21 @@
+"""The folder for recordings that the settings name."""
+
+from pathlib import Path
+
+import pytest
+
+from contactsense.service.api.clip_recording import clip_listeners
+from contactsense.service.api.settings import Settings, SettingsError
+
+
+def test_a_folder_that_cannot_be_written_to_is_refused_at_the_start(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    for folder in (tmp_path / "file", tmp_path / "file" / "below"):
+        settings = Settings.model_validate({"recording": {"folder": folder}})
+        with pytest.raises(
+            SettingsError, match=r"--recordings: .*file.*: expected a folder that can be writ"
+        ):
+            clip_listeners(settings)
+    settings = Settings.model_validate({"recording": {"folder": tmp_path / "new"}})
+    assert len(clip_listeners(settings)) == 1
+    assert list((tmp_path / "new").iterdir()) == []

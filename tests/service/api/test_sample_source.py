@@ -1,0 +1,129 @@
+"""Where the samples come from by the settings."""
+
+import pickle
+from pathlib import Path
+
+import pytest
+
+from contactsense import Scene
+from contactsense.service.api.app import create_app
+from contactsense.service.api.sample_source import check_robot_address, open_source, unused
+from contactsense.service.api.scene_file import load_scene
+from contactsense.service.api.settings import Settings, SettingsError
+from contactsense.service.reactions.rules import ReactionRules
+from contactsense.service.reactions.state import Reactions
+from tests.service.seven_joints import seven_joints
+from tests.service.ur_rtde import ur_rtde_installed
+
+
+def test_no_robot_no_source() -> None:
+    settings = Settings()
+    assert open_source(settings, load_scene(settings)) is None
+
+
+def test_a_base_sensor_must_be_somewhere() -> None:
+    settings = Settings(robot_host="192.0.2.1")
+    with pytest.raises(SettingsError, match=r"--ft-host.*--ft-fields.*neither"):
+        open_source(settings, load_scene(settings))
+
+
+def test_rtde_has_six_joints(tmp_path: Path) -> None:
+    scene = seven_joints(tmp_path)
+    with pytest.raises(
+        SettingsError, match=r"^--robot-host: expected an arm with 6 joints, .* with 7; .*push"
+    ):
+        open_source(Settings(robot_host="192.0.2.1"), scene)
+    with pytest.raises(SettingsError, match=r"got neither"):
+        open_source(Settings(robot_host="192.0.2.1"), Scene(robot="ur5e"))
+
+
+@pytest.mark.parametrize("given", [{"ft_host": "192.0.2.2"}, {"ft_fields": "a,b,c,d,e,f"}])
+def test_a_sensor_without_a_robot_is_refused(given: dict[str, str]) -> None:
+    settings = Settings.model_validate(given)
+    with pytest.raises(SettingsError, match=r"^--ft-\w+ is read together with the robot: expected --robot-h"):
+        open_source(settings, load_scene(settings))
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"ft_host": "192.0.2.2"}, "--ft-host"),
+        ({"robot_rate": 125.0, "robot_client": "rtde"}, "--robot-client"),
+        ({"wrist_fields": "a"}, "CONTACTSENSE_WRIST_FIELDS"),
+        ({"constant_readings": True}, "--constant-readings"),
+    ],
+)
+def test_readers_of_a_robot_are_refused_where_a_controller_sends_the_samples(
+    given: dict[str, object], said: str
+) -> None:
+    settings = Settings.model_validate(
+        {"controllers": {"source": "push"}, "robot_host": "192.0.2.1", **given}
+    )
+    with pytest.raises(SettingsError, match=rf"^{said} is for samples that are read from the robot"):
+        open_source(settings, load_scene(settings))
+
+
+def _rules(**robot: object) -> ReactionRules:
+    return ReactionRules.model_validate(
+        {
+            "robot": robot,
+            "actions": {"tell": {"type": "registers"}},
+            "rules": [{"name": "any", "links": ["any"], "contact": {"force": 10, "actions": ["tell"]}}],
+        }
+    )
+
+
+def pushed(**given: object) -> Settings:
+    """Settings of a service to which a controller sends the samples."""
+    return Settings.model_validate({"controllers": {"source": "push"}, **given})
+
+
+def test_the_address_of_the_robot_remains_of_use_to_reactions() -> None:
+    settings, rules = pushed(robot_host="192.0.2.1", robot_port=30014), _rules()
+    check_robot_address(settings, rules)
+    assert open_source(settings, load_scene(settings)) is not None
+    reactions = Reactions(rules, settings.robot_host, lambda _: True, settings.robot_port)
+    assert reactions.rules is not None
+    assert reactions.rules.robot.rtde_port == 30014
+
+
+@pytest.mark.parametrize(
+    ("given", "rules", "why"),
+    [
+        ({"robot_host": "192.0.2.1"}, None, "--robot-host .* as there are no rules"),
+        (
+            {"robot_host": "192.0.2.1"},
+            _rules(host="192.0.2.9"),
+            "--robot-host .* as the rules have the robot's address, 192.0.2.9",
+        ),
+        ({"robot_port": 30014}, _rules(), "--robot-port .* as there is no --robot-host"),
+    ],
+)
+def test_an_address_of_the_robot_without_use_is_refused(
+    given: dict[str, object], rules: ReactionRules | None, why: str
+) -> None:
+    with pytest.raises(SettingsError, match=f"^{why}$"):
+        check_robot_address(pushed(**given), rules)
+    with pytest.raises(SettingsError, match=r"^--robot-host is for reactions only with --source push"):
+        create_app(pushed(robot_host="192.0.2.1"))
+
+
+def test_a_sensor_that_the_scene_does_not_have_is_named(tmp_path: Path) -> None:
+    (tmp_path / "scene.yaml").write_text("robot: ur5e\nbase_wrench: null\n")
+    settings = Settings(scene=tmp_path / "scene.yaml", robot_host="192.0.2.1", ft_host="192.0.2.2")
+    assert unused(settings, load_scene(settings)) == ("--ft-host is not used: the scene has no base_wrench",)
+    assert unused(Settings(robot_host="192.0.2.1", ft_host="192.0.2.2"), load_scene(Settings())) == ()
+
+
+@ur_rtde_installed
+def test_a_signal_that_the_client_cannot_read() -> None:
+    settings = Settings(robot_host="192.0.2.1", ft_host="192.0.2.2", robot_client="ur_rtde")
+    with pytest.raises(SettingsError, match=r"ur_rtde has no getter for actual_current_as_torque"):
+        open_source(settings, load_scene(settings))
+
+
+def test_the_maker_of_the_source_can_be_sent_to_another_process() -> None:
+    settings = Settings(robot_host="192.0.2.1", ft_host="192.0.2.2")
+    maker = open_source(settings, load_scene(settings))
+    assert maker is not None
+    assert pickle.loads(pickle.dumps(maker)).keywords == maker.keywords
