@@ -27,7 +27,7 @@ from contactsense.service.recordings import (
 from contactsense.service.recordings.bag_files import is_bag
 from contactsense.service.recordings.export import export
 from contactsense.service.recordings.parquet_files import write_parquet
-from contactsense.service.recordings.table_files import reason
+from contactsense.service.recordings.table import reason
 
 
 @click.command()

@@ -18,7 +18,7 @@ from contactsense.service.recordings.cut_bags import STORAGE, raw_messages, stor
 from contactsense.service.recordings.joint_order import joint_order
 from contactsense.service.recordings.problems import Problem, RecordingError
 from contactsense.service.recordings.reading_times import readings_at
-from contactsense.service.recordings.table_files import Columns
+from contactsense.service.recordings.table import Columns
 
 _JOINT_STATE = "JointState"
 

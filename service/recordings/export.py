@@ -24,7 +24,7 @@ from contactsense.service.recordings.ros_messages import (
     scene_update,
     wrench_stamped,
 )
-from contactsense.service.recordings.table_files import reason
+from contactsense.service.recordings.table import reason
 from contactsense.types import Contact
 
 

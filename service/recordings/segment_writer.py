@@ -20,7 +20,7 @@ import pyarrow as pa
 import pyarrow.parquet as pa_parquet
 
 from contactsense.service.recordings.problems import RecordingError
-from contactsense.service.recordings.table_files import reason
+from contactsense.service.recordings.table import reason
 
 OPEN, DONE, PARTIAL = ".arrows", ".parquet", ".parquet.part"
 ROW_GROUP_SECONDS = 60.0

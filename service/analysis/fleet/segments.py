@@ -15,7 +15,8 @@ import pyarrow as pa
 import pyarrow.parquet as pa_parquet
 
 from contactsense.sensors.timing import LONGEST_FIRST_STEP
-from contactsense.service.recordings.table_files import RAW_READINGS, floats
+from contactsense.service.recordings.parquet_tables import RAW_READINGS
+from contactsense.service.recordings.table import floats
 
 SEGMENT_TIME = 600.0
 """Length of a segment [s]."""

@@ -1,0 +1,154 @@
+"""Tables of numbers from CSV, which may be packed with gzip."""
+
+import gzip
+import io
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv as pa_csv
+
+from contactsense.service.recordings.problems import Problem, RecordingError
+from contactsense.service.recordings.table import Columns, check_twice, chosen_rows, floats, reason
+
+_HEAD = 65536
+"""Maximum length of the header line of a CSV file [bytes]."""
+_GZIP = b"\x1f\x8b"
+"""The first bytes of a file that is packed with gzip."""
+
+
+class _Gzip(io.RawIOBase):
+    """A compressed file; a truncated or damaged one ends there, and `cut_short` is set."""
+
+    def __init__(self, path: Path) -> None:
+        self._file = gzip.open(path, "rb")  # noqa: SIM115 (closed by `close`)
+        self.cut_short = False
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        try:
+            data = self._file.read1(len(buffer))
+        except (EOFError, zlib.error, gzip.BadGzipFile):
+            self.cut_short, data = True, b""
+        buffer[: len(data)] = data
+        return len(data)
+
+    def close(self) -> None:
+        self._file.close()
+        super().close()
+
+
+class CsvTable:
+    """CSV as written by ur_rtde (commas) or by UR's own client (blanks), optionally compressed with gzip."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self.meta: dict[str, str] = {}
+        self.problems: list[Problem] = []
+        self.rows: int | None = None
+        self.others: list[str] = []
+        with path.open("rb") as file:
+            self._packed = file.read(len(_GZIP)) == _GZIP
+        with self._open() as stream:
+            # Spreadsheets begin a text in UTF-8 with a mark, which is no part of the first name.
+            head = (stream.read(_HEAD) or b"").split(b"\n", 1)[0].decode("utf-8-sig", "replace").strip()
+        if not head.replace("\t", "").isprintable():
+            raise RecordingError(f"{path}: expected a table as text, got binary data")
+        if ";" in head and not {",", "\t", " "} & set(head):
+            raise RecordingError(
+                f"{path}: expected columns separated by commas, tabs or blanks, and decimal points, "
+                "got semicolons"
+            )
+        self._delimiter = "," if "," in head else "\t" if "\t" in head else " "
+        self.names = [name.strip().strip('"') for name in head.split(self._delimiter)]
+        if not any(name and not _is_number(name) for name in self.names):
+            raise RecordingError(f"{path}: expected a header line that names the columns, got {head[:60]!r}")
+        check_twice(path, self.names)
+
+    def batches(
+        self, names: list[str], first: int = 0, last: int | None = None
+    ) -> Iterator[tuple[int, Columns]]:
+        """As `TableFile.batches`."""
+        done = 0
+        try:
+            for row, columns in self._typed(names, pa.float64()):
+                yield row, columns
+                done = row + len(next(iter(columns.values())))
+        except OSError as error:
+            raise RecordingError(f"{self._path}: cannot read the recording: {reason(error)}") from None
+        except pa.ArrowInvalid as error:
+            if "conversion error" not in str(error).lower():
+                raise RecordingError(f"{self._path}: {reason(error)}") from None
+            # A cell is not a number: read text, and mark what cannot be converted.
+            self.problems.clear()
+            yield from chosen_rows(self._typed(names, pa.string()), done, None)
+
+    def _open(self) -> Any:
+        return io.BufferedReader(_Gzip(self._path)) if self._packed else self._path.open("rb")
+
+    def _typed(self, names: list[str], kind: pa.DataType) -> Iterator[tuple[int, Columns]]:
+        rejected: list[Problem] = []
+
+        def skip(row: pa_csv.InvalidRow) -> str:
+            number = (row.number or 2) - 2
+            message = f"expected {row.expected_columns} columns, got {row.actual_columns}; row ignored"
+            rejected.append(Problem(number, number + 1, "bad_row", message))
+            return "skip"
+
+        row = 0
+        with self._open() as stream:
+            reader = pa_csv.open_csv(
+                stream,
+                read_options=pa_csv.ReadOptions(
+                    use_threads=False, block_size=1 << 22, skip_rows=1, column_names=self.names
+                ),
+                parse_options=pa_csv.ParseOptions(delimiter=self._delimiter, invalid_row_handler=skip),
+                convert_options=pa_csv.ConvertOptions(
+                    include_columns=names, column_types=dict.fromkeys(names, kind)
+                ),
+            )
+            while True:
+                try:
+                    batch = reader.read_next_batch()
+                except StopIteration:
+                    break
+                columns = floats(batch, names) if kind == pa.float64() else self._parsed(batch, names, row)
+                yield row, columns
+                row += batch.num_rows
+            if isinstance(stream, io.BufferedReader) and getattr(stream.raw, "cut_short", False):
+                rejected.append(
+                    Problem(row, row, "cut_short", "the packed file ends too early or is damaged here")
+                )
+        self.problems += rejected
+
+    def _parsed(self, batch: pa.RecordBatch, names: list[str], first: int) -> Columns:
+        columns = {}
+        for name in names:
+            cells = batch.column(name).to_pylist()
+            values = np.array([_number(cell) for cell in cells])
+            bad = [i for i, c in enumerate(cells) if c not in ("", None) and _number(c) != _number(c)
+                   and c.strip().lower() not in ("nan", "null", "na")]  # fmt: skip
+            runs = np.split(bad, np.flatnonzero(np.diff(bad) > 1) + 1) if bad else []
+            for run in runs:
+                message = f"{name}: expected numbers, got {cells[run[0]]!r}"
+                self.problems.append(
+                    Problem(first + int(run[0]), first + int(run[-1]) + 1, "bad_row", message)
+                )
+            columns[name] = values
+        return columns
+
+
+def _number(cell: str | None) -> float:
+    try:
+        return float(cell) if cell else float("nan")
+    except ValueError:
+        return float("nan")
+
+
+def _is_number(text: str) -> bool:
+    return _number(text.strip('"')) == _number(text.strip('"'))

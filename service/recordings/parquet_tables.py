@@ -1,0 +1,100 @@
+"""Tables of numbers from Parquet files, and from folders of them."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pa_parquet
+
+from contactsense.service.recordings.problems import Problem, RecordingError
+from contactsense.service.recordings.table import (
+    Columns,
+    check_twice,
+    floats,
+    not_numeric,
+    numeric,
+    reason,
+    text_metadata,
+)
+
+RAW_READINGS = "wrench-"
+"""Prefix of the tables that `contactsense record` writes in addition to those of the samples."""
+_BUFFER = 1 << 20
+"""Bytes of a Parquet column read at a time: a file that is memory-mapped or read ahead stays in memory."""
+
+
+class ParquetTable:
+    """A Parquet file."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self.problems: list[Problem] = []
+        self._file = pa_parquet.ParquetFile(path, buffer_size=_BUFFER, pre_buffer=False)
+        check_twice(path, self._file.schema_arrow.names)
+        self.names, self.others = numeric(self._file.schema_arrow), not_numeric(self._file.schema_arrow)
+        self.meta = text_metadata(self._file.schema_arrow.metadata)
+        self.rows: int | None = self._file.metadata.num_rows
+
+    def batches(
+        self, names: list[str], first: int = 0, last: int | None = None
+    ) -> Iterator[tuple[int, Columns]]:
+        """As `TableFile.batches`."""
+        row, groups = self._groups(first, last)
+        source = self._file.iter_batches(columns=names, batch_size=65536, row_groups=groups)
+        while True:
+            try:
+                batch = next(source)
+            except StopIteration:
+                return
+            except (OSError, pa.ArrowException) as error:
+                self.problems.append(
+                    Problem(
+                        row, self._file.metadata.num_rows, "cut_short", f"cannot be read: {reason(error)}"
+                    )
+                )
+                return
+            yield row, floats(batch, names)
+            row += batch.num_rows
+
+    def _groups(self, first: int, last: int | None) -> tuple[int, list[int]]:
+        """The row groups that contain the requested rows, and the number of their first row."""
+        groups: list[int] = []
+        begin = row = 0
+        for i in range(self._file.metadata.num_row_groups):
+            count = self._file.metadata.row_group(i).num_rows
+            if row + count > first and (last is None or row < last):
+                if not groups:
+                    begin = row
+                groups.append(i)
+            row += count
+        return begin, groups
+
+
+class ParquetFolder:
+    """All Parquet files below a folder, sorted by name, without tables of raw readings."""
+
+    def __init__(self, path: Path) -> None:
+        files = sorted(file for file in path.rglob("*.parquet") if not file.name.startswith(RAW_READINGS))
+        if not files:
+            raise RecordingError(f"{path}: expected a folder with .parquet files of samples, got none")
+        self._parts = [ParquetTable(file) for file in files]
+        self.names = [n for n in self._parts[0].names if all(n in part.names for part in self._parts)]
+        self.others = self._parts[0].others
+        self.meta = self._parts[0].meta
+        self.problems: list[Problem] = []
+        self.rows: int | None = sum(part.rows or 0 for part in self._parts)
+
+    def batches(
+        self, names: list[str], first: int = 0, last: int | None = None
+    ) -> Iterator[tuple[int, Columns]]:
+        """As `TableFile.batches`."""
+        row = 0
+        for part in self._parts:
+            begin = row
+            for _, columns in part.batches(names):
+                yield row, columns
+                row += len(next(iter(columns.values())))
+            self.problems += [
+                replace(p, row_from=p.row_from + begin, row_to=p.row_to + begin) for p in part.problems
+            ]
