@@ -33,11 +33,13 @@ from contactsense.robots.tool import Tool
 from contactsense.robots.units import within_one_turn
 from contactsense.robots.yaml_fields import read_fields
 from contactsense.sensors.arm_limits import in_this_arm, within_the_joints
-from contactsense.sensors.field_checks import (
-    carried_by,
-    has_no_former_field,
-    has_one_per_joint,
-    in_the_cell,
+from contactsense.sensors.field_checks import carried_by, has_no_former_field, has_one_per_joint
+from contactsense.sensors.link_checks import (
+    are_among,
+    are_between_links,
+    fit_the_cell,
+    has_surface,
+    has_weights,
 )
 from contactsense.sensors.settings import JointTorqueSensor, LinkInertia, LinkWrenchSensor, WrenchSensor
 
@@ -220,37 +222,33 @@ class Scene(FileModel):
 
     @model_validator(mode="after")
     def _is_consistent(self) -> Self:
-        joints = len(self.robot.joints)
-        if self.base_wrench is None and self.joint_torque is None:
+        robot, names, torque = self.robot, self.link_names, self.joint_torque
+        if self.base_wrench is None and torque is None:
             raise ValueError("base_wrench, joint_torque: expected at least one of the two sensors, got none")
         if self.tool is not None:
-            if self.tool.primitives and self.tool.name in self.robot.link_names:
+            if self.tool.primitives and self.tool.name in robot.link_names:
                 raise ValueError(f"tool.name: expected a name that no link has, got {self.tool.name!r}")
-            carried_by(self.robot.mass, self.tool)
-        for name in self.touchable or ():
-            if name not in self.link_names:
-                raise ValueError(f"touchable: expected links of {', '.join(self.link_names)}, got {name!r}")
-        self._has_surface()
-        self._has_weights()
-        for name in self.inertia or ():
-            if name not in self.robot.link_names:
-                raise ValueError(
-                    f"inertia: expected links of {', '.join(self.robot.link_names)}, got {name!r}"
-                )
+            carried_by(robot.mass, self.tool)
+        are_among("touchable", self.touchable or (), names)
+        has_surface(robot, names, self.touchable)
+        if isinstance(self.link_prior, dict):
+            has_weights(robot, self.touchable or names, self.bodies, self.link_prior)
+        are_among("inertia", self.inertia or (), robot.link_names)
         for name, inertia in (self.inertia or {}).items():
-            in_this_arm(self.robot, name, inertia)
-        if self.joint_torque is not None:
-            has_one_per_joint("joint_torque", self.joint_torque, joints)
-            has_one_per_joint("joint_torque.friction", self.joint_torque.friction, joints)
-            within_the_joints(self.robot, self.joint_torque)
-            if self.joint_torque.signal == "external_torque" and self.joint_torque.fields is None:
+            in_this_arm(robot, name, inertia)
+        if torque is not None:
+            joints = len(robot.joints)
+            has_one_per_joint("joint_torque", torque, joints)
+            has_one_per_joint("joint_torque.friction", torque.friction, joints)
+            within_the_joints(robot, torque)
+            if torque.signal == "external_torque" and torque.fields is None:
                 raise ValueError(
                     f"joint_torque.fields: expected the {joints} fields that carry external_torque, got none"
                 )
-        self._has_bodies()
-        if self.picks_up and (self.base_wrench is None or self.joint_torque is None or self.wrist_wrench):
+        fit_the_cell(self.bodies, names, self.base_wrench is not None)
+        if self.picks_up and (self.base_wrench is None or torque is None or self.wrist_wrench):
             raise ValueError("picks_up: expected base_wrench and joint_torque, and no wrist_wrench")
-        self._has_links_of_sensors()
+        are_between_links(self.link_wrenches, robot.link_names)
         if self.picks_up and self.link_wrenches:
             raise ValueError("picks_up: expected base_wrench and joint_torque, and no link_wrenches")
         if self.wrist_wrench is not None and self.tool is None:
@@ -272,70 +270,6 @@ class Scene(FileModel):
             return cls(**located(content, Path(path).parent))
         except SceneError as error:
             raise SceneError(f"{path}: {error}") from None
-
-    def _has_surface(self) -> None:
-        """Raise a ValueError if no link can be touched: no contact could ever be explained."""
-        bare = {link.name for link in self.robot.links if not link.primitives}
-        if bare.issuperset(self.link_names if self.touchable is None else self.touchable):
-            field = "robot" if self.touchable is None else "touchable"
-            raise ValueError(
-                f"{field}: expected at least one link with a surface, got none on {self.robot.name}; "
-                "`contactsense decompose` makes surfaces from meshes"
-            )
-
-    def _has_weights(self) -> None:
-        """Raise a ValueError if the weights of the prior over links are not those of the touchable links."""
-        if isinstance(self.link_prior, str):
-            return
-        bare = {link.name for link in self.robot.links if not link.primitives}
-        touchable = [name for name in self.touchable or self.link_names if name not in bare]
-        base = self.link_names[0]
-        if base not in touchable and any(body.role == "pedestal" for body in self.bodies):
-            touchable.insert(0, base)
-        for name in self.link_prior:
-            if name not in touchable:
-                raise ValueError(
-                    f"link_prior: expected touchable links of {', '.join(touchable)}, got {name!r}"
-                )
-        missing = [name for name in touchable if name not in self.link_prior]
-        if missing:
-            raise ValueError(
-                f"link_prior: expected a weight of each touchable link, got none of {missing[0]}"
-            )
-        if not any(self.link_prior.values()):
-            raise ValueError("link_prior: expected a weight above 0, got none")
-
-    def _has_links_of_sensors(self) -> None:
-        """Raise a ValueError if a sensor between links names no moved link, or one name is given twice."""
-        names = [sensor.name for sensor in self.link_wrenches]
-        for index, sensor in enumerate(self.link_wrenches):
-            if sensor.link not in self.robot.link_names[1:]:
-                raise ValueError(
-                    f"link_wrenches[{index}].link: expected one of {', '.join(self.robot.link_names[1:])}, "
-                    f"got {sensor.link!r}"
-                )
-            if names.index(sensor.name) < index:
-                raise ValueError(
-                    f"link_wrenches[{index}].name: expected a name that no other sensor has, "
-                    f"got {sensor.name!r}"
-                )
-
-    def _has_bodies(self) -> None:
-        """Raise a ValueError if a body has a wrong name or pose, or a pedestal no sensor below it."""
-        names = list(self.link_names)
-        for index, body in enumerate(self.bodies):
-            if body.name in names:
-                raise ValueError(
-                    f"bodies[{index}].name: expected a name that no link and no other body has, "
-                    f"got {body.name!r}"
-                )
-            if body.role == "pedestal" and self.base_wrench is None:
-                raise ValueError(
-                    f"bodies[{index}].role: pedestal: expected a base_wrench below it, got none; "
-                    "a body below the sensor is a cover"
-                )
-            in_the_cell(f"bodies[{index}]", body)
-            names.append(body.name)
 
     @property
     def surface_deviation(self) -> float:
