@@ -24,6 +24,7 @@ import yaml
 from websockets.asyncio.client import connect
 
 from contactsense.benchmarks.live.echo import Echo, EchoTimes, set_apart
+from contactsense.benchmarks.live.histogram import Histogram, bars, histogram
 from contactsense.service.api.client import Client, ClientError
 from contactsense.service.demo.child_process import ChildError
 from contactsense.service.demo.processes import Stage
@@ -31,8 +32,6 @@ from contactsense.service.mock.rtde_server import RATE
 from contactsense.service.mock.sent_log import SIZE, SentLog
 
 READERS = 8
-EDGES = (0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0, 10.0, 20.0, 50.0)
-"""Bins of the histogram [ms]; a last bin contains all longer times."""
 _WARM_UP = 3.0
 _PUSHES = 20
 _POSE = [0.0, -1.3, 1.6, -1.9, -1.57, 0.0]
@@ -59,8 +58,8 @@ class ReactionLatency:
     """The same, only for the first write of each push."""
     step: float
     """Typical share of the localizer in that [ms]."""
-    histogram: list[tuple[float, int]]
-    """Lower edge [ms] and number of writes."""
+    histogram: Histogram
+    """Of the writes."""
     echo: EchoTimes
     """Round trips of plain messages during the same time."""
 
@@ -130,12 +129,11 @@ def _result(
     values, onsets = late[there], late[begins]
     if len(onsets) == 0:
         raise ClientError("no register was written: see the health of the service's reactions")
-    counts, _ = np.histogram(values, [*EDGES, np.inf])
     p50, p90, p99, p999, worst = np.percentile(values, [50, 90, 99, 99.9, 100]).round(3).tolist()
     return ReactionLatency(
         round(seconds, 3), len(values), len(onsets), p50, p90, p99, p999, worst,
         round(float(np.median(onsets)), 3), round(float(onsets.max()), 3), round(1e3 * step, 3),
-        list(zip(EDGES, counts.tolist(), strict=True)), echo,
+        histogram(values), echo,
     )  # fmt: skip
 
 
@@ -209,7 +207,6 @@ def report(seconds: float, as_json: bool) -> int:
         f"first writes of a push [ms]: p50 {result.onset_p50:.2f}, worst {result.onset_worst:.2f}\n"
         f"{result.echo}"
     )
-    most = max(count for _, count in result.histogram)
-    for (low, count), high in zip(result.histogram, (*EDGES[1:], float("inf")), strict=True):
-        click.echo(f"{low:6.2f} to {high:6.2f} ms {count:7d} {'#' * round(50 * count / most)}")
+    for bar in bars(result.histogram):
+        click.echo(bar)
     return 0

@@ -20,7 +20,7 @@ from websockets.sync.client import connect
 from websockets.sync.connection import Connection
 
 from contactsense.benchmarks.live.echo import Echo, EchoTimes, set_apart
-from contactsense.benchmarks.live.reaction_latency import EDGES
+from contactsense.benchmarks.live.histogram import Histogram, bars, histogram
 from contactsense.service.api.client import ClientError
 from contactsense.service.cli.serve import READY
 from contactsense.service.demo.child_process import ChildError, child
@@ -51,8 +51,8 @@ class TrackLatency:
     p99: float
     p999: float
     worst: float
-    histogram: list[tuple[float, int]]
-    """Lower edge [ms] and number of estimates."""
+    histogram: Histogram
+    """Of the estimates."""
     echo: EchoTimes
     """Round trips of plain messages during the same time."""
 
@@ -86,10 +86,9 @@ def measure(seconds: float, way: Way, binary: bool) -> TrackLatency:
     if not answered.size:
         raise ClientError(f"{address}: no sample was answered")
     p50, p90, p99, p999, worst = np.percentile(answered, [50, 90, 99, 99.9, 100]).round(3).tolist()
-    counts, _ = np.histogram(answered, (*EDGES, np.inf))
     return TrackLatency(
         way, binary, waited.size, answered.size, p50, p90, p99, p999, worst,
-        list(zip(EDGES, counts.tolist(), strict=True)), echo.times(),
+        histogram(answered), echo.times(),
     )  # fmt: skip
 
 
@@ -189,7 +188,6 @@ def report(seconds: float, way: Way, binary: bool, as_json: bool) -> int:
         f"p99.9 {result.p999:.2f}, worst {result.worst:.2f}\n"
         f"{result.echo}"
     )
-    most = max(count for _, count in result.histogram)
-    for (low, count), high in zip(result.histogram, (*EDGES[1:], float("inf")), strict=True):
-        click.echo(f"{low:6.2f} to {high:6.2f} ms {count:7d} {'#' * round(50 * count / most)}")
+    for bar in bars(result.histogram):
+        click.echo(bar)
     return 0
