@@ -9,10 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense import Contact, Estimate, Scene
-from contactsense.multi_contact.buffers import MultiContactBuffers, PlacedSurface
+from contactsense.multi_contact.buffers import Measurement, MultiContactBuffers, PlacedSurface
 from contactsense.multi_contact.contact_step import set_contact, vector_of
 from contactsense.multi_contact.initial_contacts import initialize_known_contact
 from contactsense.multi_contact.joint_layout import FX, LOG_EVIDENCE, NX, PX
+from contactsense.multi_contact.joint_problem import JointProblem
 from contactsense.multi_contact.known_prior import fill_known_prior
 from contactsense.multi_contact.known_rows import Change
 from contactsense.multi_contact.locator import MultiContactLocator
@@ -146,11 +147,12 @@ def _optimize_from(
     surface = PlacedSurface(surfaces, constants.deviations, state.candidates)
     count = primitive.shape[0]
     change = Change(drift, measured=True)
+    measurement = Measurement(buffers.rows, m)
     known = fill_known_prior(
-        surface, prior, buffers.rows, m, buffers.known, known_count, change, joint,
-        buffers.known_prior,
-    )  # fmt: skip
-    prior_log_evidence = known_evidence(surfaces, prior, buffers.rows, known, joint)
+        surface, prior, measurement, buffers.known, known_count, change, joint, buffers.known_prior
+    )
+    problem = JointProblem(surfaces, prior, measurement, known, count)
+    prior_log_evidence = known_evidence(problem, joint)
     for i in range(count):
         c, f = point[i], force[i]
         if i < known_count:
@@ -162,7 +164,7 @@ def _optimize_from(
             joint.contact[i, FX + k * LANES] = push[k]
     best: float = -math.inf
     for _ in range(MAX_RESTARTS):
-        fill_set_evidence(surfaces, prior, buffers.rows, m, known, count, 1, math.inf, joint)
+        fill_set_evidence(problem, 1, math.inf, joint)
         add_accessibility(surface, prior, known_count, count, 1, joint)
         score = joint.lane[LOG_EVIDENCE, 0]
         if score <= best + MIN_GAIN:

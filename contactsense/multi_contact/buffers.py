@@ -65,6 +65,14 @@ class MeasurementRows(NamedTuple):
     """Scratch."""
 
 
+class Measurement(NamedTuple):
+    """One measurement: the first rows of the arrays."""
+
+    rows: MeasurementRows
+    size: int
+    """Number of rows. It differs from sample to sample, as sensors fail, and the arrays keep their size."""
+
+
 class KnownContacts(NamedTuple):
     """Contacts that are known already, base frame."""
 

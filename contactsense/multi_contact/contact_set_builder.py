@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from itertools import islice
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,6 +26,22 @@ UNTRACKED: Sequence[tuple[int, Phase]] = [(0, "")] * MAX_CONTACTS
 _MutableExplanation = mutable_twin(Explanation)
 
 
+class ContactSets(NamedTuple):
+    """S sets of contacts that explain one measurement, the answer first."""
+
+    rows: np.ndarray
+    """All contacts, those of a set one after another, as in `contactsense.runtime.result_rows`, shape (N,
+    WIDTH); the probability in each row is that of the whole set."""
+    counts: np.ndarray
+    """Number of contacts of each set, shape (S,), int64."""
+    wrench: np.ndarray
+    """Sum of the wrenches of the first set about the base origin, shape (6,) [N, Nm]."""
+    covariance: np.ndarray
+    """Its covariance, shape (6, 6)."""
+    rank: int
+    """Number of independent measurements of the first set's wrenches."""
+
+
 class ContactSetBuilder:
     """Builds estimates of several simultaneous contacts for one scene."""
 
@@ -42,32 +58,23 @@ class ContactSetBuilder:
     def sets(
         self,
         t: float,
-        rows: np.ndarray,
-        counts: np.ndarray,
-        wrench: np.ndarray,
-        covariance: np.ndarray,
-        rank: int,
+        found: ContactSets,
         known_count: int,
         reason: str = "",
         tracked: Sequence[tuple[int, Phase]] = (),
         events: tuple[Event, ...] = (),
     ) -> Estimate:
-        """Estimate from S sets of contacts, the answer first.
+        """Estimate from sets of contacts.
 
         Args:
             t: Time of the sample [s].
-            rows: All contacts, those of a set one after another, as in `contactsense.runtime.result_rows`,
-                shape (N, WIDTH); the probability in each row is that of the whole set. The contacts keep
-                views of a copy, with their own probabilities.
-            counts: Number of contacts of each set, shape (S,), int64.
-            wrench, covariance: Sum of the wrenches of the first set, shape (6,), and its covariance, (6,
-                6).
-            rank: Number of independent measurements of the first set's wrenches.
+            found: The sets. The contacts keep views of a copy of the rows, with their own probabilities.
             known_count: Number of contacts whose points were known before.
             reason: Why the estimate is `degraded`, empty if it is not.
             tracked: Number and phase of each contact of a stream, the same in all sets.
             events: Onsets, holds and releases to report.
         """
+        rows, counts, wrench, covariance, rank = found
         if len(counts) == 0:
             why = "something acts on the arm, but no pushes on touchable links explain it"
             return self._estimate_builder.without_contacts(

@@ -10,15 +10,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contactsense.kinematics.model import Motion
-from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
 from contactsense.multi_contact.buffers import (
     MAX_SEEDS,
     MultiContactBuffers,
     PlacedSurface,
 )
 from contactsense.multi_contact.contact_step import move_to_cells
-from contactsense.multi_contact.further_contact import is_any_broad, locate_further_contact
+from contactsense.multi_contact.further_contact import (
+    SingleContactSearch,
+    is_any_broad,
+    locate_further_contact,
+)
 from contactsense.multi_contact.initial_contacts import (
     initialize_from_seed,
     initialize_further_contact,
@@ -26,12 +28,14 @@ from contactsense.multi_contact.initial_contacts import (
 )
 from contactsense.multi_contact.joint_covariance import fill_covariances
 from contactsense.multi_contact.joint_layout import ENERGY, LOG_EVIDENCE, TORSION
+from contactsense.multi_contact.joint_problem import JointProblem
 from contactsense.multi_contact.known_place_mixture import divide_known_places
 from contactsense.multi_contact.known_prior import fill_known_prior
-from contactsense.multi_contact.known_rows import Change, KnownRows
+from contactsense.multi_contact.known_rows import Change
 from contactsense.multi_contact.pooled_evidence import log_of_sum, pool_link_evidence
 from contactsense.multi_contact.pooled_places import pool_places, widen_places
 from contactsense.multi_contact.ranked_sets import rank_sets, share_evidence
+from contactsense.multi_contact.sample_likelihood import SampleModel
 from contactsense.multi_contact.seeding import drop_seeds_at_candidates, find_seeds
 from contactsense.multi_contact.seeding_prior import initialize_seeding
 from contactsense.multi_contact.set_evidence import add_accessibility, fill_set_evidence, known_evidence
@@ -81,102 +85,77 @@ class Starts(NamedTuple):
 
 @fused_kernel
 def search_contact_sets(
-    scene: SearchedSurface,
-    motion: Motion,
-    wrench_measured: bool,
-    prior: Prior,
-    arrays: SearchArrays,
-    buffers: MultiContactBuffers,
-    m: int,
-    force_scale: float,
-    sought: Sought,
+    single: SingleContactSearch, model: SampleModel, sought: Sought, buffers: MultiContactBuffers
 ) -> int:
     """Explain a measurement by the known contacts and further ones.
 
     Args:
-        scene, motion, wrench_measured, prior, arrays: As for
-            `contactsense.localization.ranking.locate_contacts`, with `buffers.candidates`, in which the body
-            frames of the primitives are filled.
-        buffers: With the measurement in `rows`, all samples in the base frame in `seeding.point_normal`,
-            and `known` filled. On return `explanations` is filled; in each set the known contacts come
-            first.
-        m: Number of rows.
-        force_scale: Approximate magnitude of the forces [N].
+        single: The search for one contact, with `buffers.candidates`, in which the body frames of the
+            primitives are filled.
+        model: The samples and the measurement.
         sought: What is searched for.
+        buffers: With all samples in the base frame in `seeding.point_normal`, and `known` filled. On return
+            `explanations` is filled; in each set the known contacts come first.
 
     Returns:
         Number of ranked explanations.
     """
     known_count, drift, max_contacts, at_rest = sought
-    rows, joint, explanations = buffers.rows, buffers.joint, buffers.explanations
+    measurement, joint, explanations = model.measurement, buffers.joint, buffers.explanations
+    scene, prior = single.scene, single.prior
     surfaces, surface = scene.surfaces, PlacedSurface(scene.surfaces, scene.deviations, buffers.candidates)
     change = Change(drift, at_rest)
     known = fill_known_prior(
-        surface, prior, rows, m, buffers.known, known_count, change, joint,
-        buffers.known_prior,
-    )  # fmt: skip
-    initialize_seeding(surfaces.link, prior.friction_ratio, buffers, known_count, change, force_scale, m)
-    known_alone = known_evidence(surfaces, prior, rows, known, joint)
+        surface, prior, measurement, buffers.known, known_count, change, joint, buffers.known_prior
+    )
+    initialize_seeding(surfaces.link, model, buffers, known_count, change)
+    known_alone = known_evidence(JointProblem(surfaces, prior, measurement, known, known_count), joint)
     stored = 0
     best, unlisted = math.inf, -math.inf
     for further in range(0 if known_count > 0 else 1, max_contacts - known_count + 1):
         if best < MIN_ENERGY:
             break
-        starts = _find_starts(
-            scene, motion, wrench_measured, prior, arrays, buffers, m, force_scale, sought, further
-        )
-        first = stored
+        starts = _find_starts(single, model, sought, further, buffers)
+        problem, first = JointProblem(surfaces, prior, measurement, known, known_count + further), stored
         stored, lowest_energy = _search_from(
-            starts, surface, prior, buffers, m, known, change, (force_scale, known_alone), further, first
+            starts, surface, problem, model, change, known_alone, first, buffers
         )
         if starts.is_pooled:
-            stored = _pool(surface, prior, buffers, m, force_scale, (known_count, further), (first, stored))
+            stored = _pool(surface, prior, model, (known_count, further), (first, stored), buffers)
             unlisted = log_of_sum(buffers.seeding.pair_evidence, explanations.score, 0)
         elif starts.is_broad:
             share_evidence(explanations, first, stored)
         best = min(best, lowest_energy)
     if at_rest and known_count > 0:
-        divide_known_places(surface, prior, buffers, m, known_count, change, stored)
+        divide_known_places(surface, prior, buffers, measurement, known_count, change, stored)
     ranked: int = rank_sets(surfaces.link, explanations, stored, unlisted, 2.0 * prior.surface_deviation)
     return ranked
 
 
 @inlined_fused_kernel
 def _find_starts(
-    scene: SearchedSurface,
-    motion: Motion,
-    wrench_measured: bool,
-    prior: Prior,
-    arrays: SearchArrays,
-    buffers: MultiContactBuffers,
-    m: int,
-    force_scale: float,
+    single: SingleContactSearch,
+    model: SampleModel,
     sought: Sought,
     further: int,
+    buffers: MultiContactBuffers,
 ) -> Starts:
     """Where the joint search for that many further contacts starts: `buffers.candidates` are filled, and the
     seeds of `buffers.seeding`. Arguments as for `search_contact_sets`."""
-    seed_samples, rows, seeding, candidates = (
-        buffers.seed_samples, buffers.rows, buffers.seeding, buffers.candidates
-    )  # fmt: skip
+    seeding, candidates = buffers.seeding, buffers.candidates
     # The known contacts alone have a single start, two or more further ones start at samples.
     found, seeds = 1 if further == 0 else 0, 0
     is_broad, is_pooled = False, further == 2
     if further == 1:
-        found = min(
-            locate_further_contact(
-                scene, motion, wrench_measured, prior, arrays, rows, m, sought.known, seeding
-            ),
-            MAX_SEEDS,
-        )
+        found = min(locate_further_contact(single, model.measurement, sought.known, seeding), MAX_SEEDS)
         is_broad = found > 0 and is_any_broad(candidates, found)
         # The search for one contact takes free forces for normally distributed, so that they may pull: with
         # two of them its candidates are no reliable seeds, and their probabilities not those of the places.
         is_pooled = is_broad and sought.at_rest and sought.known > 1 and sought.drift == math.inf
     if is_pooled or further > 1:
-        seeds = find_seeds(seed_samples, prior.friction_ratio, further, force_scale, rows, m, seeding)
+        seeds = find_seeds(model, further, seeding)
     if further == 1:
-        seeds = drop_seeds_at_candidates(seed_samples.primitive, candidates, found, seeding, seeds)
+        seeds = drop_seeds_at_candidates(model.samples.primitive, candidates, found, seeding, seeds)
     return Starts(found, seeds, is_broad, is_pooled)
 
 
@@ -184,50 +163,42 @@ def _find_starts(
 def _search_from(
     starts: Starts,
     surface: PlacedSurface,
-    prior: Prior,
-    buffers: MultiContactBuffers,
-    m: int,
-    known: KnownRows,
+    problem: JointProblem,
+    model: SampleModel,
     change: Change,
-    scales: tuple[float, float],
-    further: int,
+    known_alone: float,
     stored: int,
+    buffers: MultiContactBuffers,
 ) -> tuple[int, float]:
     """Search jointly from all starts, in blocks of lanes, and store the explanations that are found.
 
     Args:
         starts: The starts.
-        surface, prior, buffers, m, known, change: As in `search_contact_sets`.
-        scales: Approximate magnitude of the forces [N]; log evidence of the known contacts alone.
-        further: Number of further contacts.
+        surface: Where contacts may be.
+        problem: The measurement with the known contacts and the further ones that are sought.
+        model: The samples and the measurement.
+        change: What has changed since the known contacts were estimated.
+        known_alone: Log evidence of the known contacts alone.
         stored: Number of explanations before.
+        buffers: As in `search_contact_sets`.
 
     Returns:
         Number of explanations, and the lowest energy of a new one.
     """
-    rows, joint, explanations, candidates = (
-        buffers.rows,
-        buffers.joint,
-        buffers.explanations,
-        buffers.candidates,
-    )
-    surfaces, count = surface.surfaces, known.contacts + further
-    force_scale, known_alone = scales
+    joint, explanations, candidates = buffers.joint, buffers.explanations, buffers.candidates
+    prior, known, count = problem.prior, problem.known, problem.contacts
     lowest_energy = math.inf
     total = starts.candidates + starts.seeds
     for start in range(0, total, LANES):
         lanes = min(LANES, total - start)
         for j in range(lanes):
-            _initialize(
-                surface, prior, buffers, m, change, force_scale,
-                (known.contacts, further, starts.candidates), start + j, j,
-            )  # fmt: skip
+            _initialize(surface, problem, model, change, buffers, starts.candidates, start + j, j)
         limit = lowest_energy + ENERGY_MARGIN
-        fill_set_evidence(surfaces, prior, rows, m, known, count, lanes, limit, joint)
+        fill_set_evidence(problem, lanes, limit, joint)
         if surface.deviations.largest_displacement > 0.0 and move_to_cells(
             surface, prior, known.contacts, count, lanes, joint
         ):
-            fill_set_evidence(surfaces, prior, rows, m, known, count, lanes, limit, joint)
+            fill_set_evidence(problem, lanes, limit, joint)
         add_accessibility(surface, prior, known.contacts, count, lanes, joint)
         fill_covariances(count, joint)
         for j in range(lanes):
@@ -249,18 +220,17 @@ def _search_from(
 def _pool(
     surface: PlacedSurface,
     prior: Prior,
-    buffers: MultiContactBuffers,
-    m: int,
-    force_scale: float,
+    model: SampleModel,
     counts: tuple[int, int],
     new: tuple[int, int],
+    buffers: MultiContactBuffers,
 ) -> int:
     """Pool the explanations found last with the sums over samples; returns the number of explanations.
 
     `counts`: numbers of known and of further contacts. `new`: first of these explanations, and the one after
     the last.
     """
-    seed_samples, seeding, explanations = buffers.seed_samples, buffers.seeding, buffers.explanations
+    seeding, explanations = buffers.seeding, buffers.explanations
     link_of, deviation = surface.surfaces.link, prior.surface_deviation
     (known_count, further), (first, stored) = counts, new
     if further == 1:
@@ -269,11 +239,8 @@ def _pool(
         link_of, explanations, first, stored, known_count, further, seeding.pair_evidence, deviation
     )
     if further == 2 and known_count == 0:
-        pool_places(link_of, seed_samples, deviation, seeding, explanations, first, stored)
-        stored = store_summed_pairs(
-            seed_samples, prior.friction_ratio, force_scale, deviation, buffers.rows, m, seeding,
-            explanations, stored,
-        )  # fmt: skip
+        pool_places(link_of, model.samples, deviation, seeding, explanations, first, stored)
+        stored = store_summed_pairs(model, deviation, seeding, explanations, stored)
     else:
         widen_places(explanations, first, stored, known_count, further, deviation)
     return stored
@@ -282,26 +249,23 @@ def _pool(
 @fused_kernel
 def _initialize(
     surface: PlacedSurface,
-    prior: Prior,
-    buffers: MultiContactBuffers,
-    m: int,
+    problem: JointProblem,
+    model: SampleModel,
     change: Change,
-    force_scale: float,
-    counts: tuple[int, int, int],
+    buffers: MultiContactBuffers,
+    candidates_used: int,
     s: int,
     lane: int,
 ) -> None:
-    """Initialize a lane with start s: a candidate, or behind them a seed.
-
-    `counts`: numbers of known and of further contacts, and of candidates.
-    """
-    known_count, further, candidates_used = counts
+    """Initialize a lane with start s: one of the candidates used, or behind them a seed."""
+    prior, known_count = problem.prior, problem.known.contacts
+    further = problem.contacts - known_count
     candidates, joint = buffers.candidates, buffers.joint
     for i in range(known_count):
-        initialize_known_contact(surface, prior, buffers.known, joint, change, force_scale, lane, i)
+        initialize_known_contact(surface, prior, buffers.known, joint, change, model.force_scale, lane, i)
     if s >= candidates_used:
         initialize_from_seed(
-            surface, prior, buffers, m, force_scale, known_count, further, lane, s - candidates_used
+            surface, prior, model, buffers, (known_count, further), lane, s - candidates_used
         )
     elif further == 1:
         row = candidates.order[s]

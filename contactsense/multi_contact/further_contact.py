@@ -6,13 +6,15 @@ contact finds the candidates, and what it integrates over the surface gives thei
 covariances.
 """
 
+from typing import NamedTuple
+
 from contactsense.isolation.link_hypotheses import PRIOR_STD
 from contactsense.kinematics.linalg.ldl import invert_spd
 from contactsense.kinematics.model import Motion
 from contactsense.localization.candidate_buffers import Candidates
 from contactsense.localization.ranking import LINE_OF_ACTION_DEVIATION, locate_contacts
 from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
-from contactsense.multi_contact.buffers import MeasurementRows, SeedingBuffers
+from contactsense.multi_contact.buffers import Measurement, SeedingBuffers
 from contactsense.multi_contact.link_information import fill_link_information
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.solvers.posterior.contact_prior import Prior
@@ -21,34 +23,37 @@ MIN_CANDIDATE_PROBABILITY = 1e-3
 """Candidates less probable than this are dropped."""
 
 
+class SingleContactSearch(NamedTuple):
+    """What the search for one contact needs besides hypotheses; fields as the arguments of
+    `contactsense.localization.ranking.locate_contacts`."""
+
+    scene: SearchedSurface
+    motion: Motion
+    wrench_measured: bool
+    prior: Prior
+    arrays: SearchArrays
+
+
 @fused_kernel
 def locate_further_contact(
-    scene: SearchedSurface,
-    motion: Motion,
-    wrench_measured: bool,
-    prior: Prior,
-    arrays: SearchArrays,
-    rows: MeasurementRows,
-    m: int,
-    known_count: int,
-    seeding: SeedingBuffers,
+    single: SingleContactSearch, measurement: Measurement, known_count: int, seeding: SeedingBuffers
 ) -> int:
-    """Fill `arrays.candidates`, whose `order` lists the candidates by falling probability.
+    """Fill `single.arrays.candidates`, whose `order` lists the candidates by falling probability.
 
     Args:
-        scene, motion, wrench_measured, prior, arrays: As for
-            `contactsense.localization.ranking.locate_contacts`.
-        rows, m: The measurement and the number of its rows.
+        single: The search for one contact.
+        measurement: The measurement.
         known_count: Number of known contacts.
         seeding: After `initialize_seeding`.
 
     Returns:
         Number of candidates.
     """
+    scene, motion, wrench_measured, prior, arrays = single
     scale = 1.0
     found = 0
     for _ in range(2):
-        energy = _link_hypotheses(rows, m, scale, seeding)
+        energy = _link_hypotheses(measurement, scale, seeding)
         found = locate_contacts(
             scene, scene.touchable, motion, seeding.hypotheses, wrench_measured, prior, arrays,
             seeding.link_probability,
@@ -66,13 +71,14 @@ def locate_further_contact(
 
 
 @fused_kernel
-def _link_hypotheses(rows: MeasurementRows, m: int, scale: float, seeding: SeedingBuffers) -> float:
+def _link_hypotheses(measurement: Measurement, scale: float, seeding: SeedingBuffers) -> float:
     """Fill `seeding.hypotheses`, with the covariance of the rows multiplied by `scale`; the lowest energy of
     a link."""
+    rows, m = measurement
     for r in range(m):
         for s in range(r + 1):
             seeding.factor[r, s] = scale * seeding.prior_covariance[r, s]
-    fill_link_information(rows, m, seeding)
+    fill_link_information(measurement, seeding)
     energy = 0.0
     for r in range(m):
         energy += 0.5 * seeding.weighted_innovation[r] * seeding.weighted_innovation[r]

@@ -23,7 +23,7 @@ from contactsense.multi_contact.joint_layout import (
     TORSION,
 )
 from contactsense.multi_contact.known_rows import Change
-from contactsense.multi_contact.sample_likelihood import initial_forces
+from contactsense.multi_contact.sample_likelihood import SampleModel, initial_forces
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.vectors import dot
@@ -116,27 +116,18 @@ def initialize_further_contact(
 def initialize_from_seed(
     surface: PlacedSurface,
     prior: Prior,
+    model: SampleModel,
     buffers: MultiContactBuffers,
-    m: int,
-    force_scale: float,
-    known_count: int,
-    further: int,
+    counts: tuple[int, int],
     lane: int,
     s: int,
 ) -> None:
-    """Initialize the further contacts of a lane at the samples of seed s, with their most likely forces."""
-    seed_samples, seeding = buffers.seed_samples, buffers.seeding
-    initial_forces(
-        seed_samples,
-        prior.friction_ratio,
-        s,
-        further,
-        force_scale,
-        buffers.rows,
-        m,
-        seeding,
-        seeding.initial_force,
-    )
+    """Initialize the further contacts of a lane at the samples of seed s, with their most likely forces.
+
+    `counts`: numbers of known and of further contacts.
+    """
+    seed_samples, seeding, (known_count, further) = model.samples, buffers.seeding, counts
+    initial_forces(model, s, further, seeding, seeding.initial_force)
     for e in range(further):
         i = seeding.seed[s, e]
         initialize_further_contact(

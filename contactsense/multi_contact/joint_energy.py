@@ -21,8 +21,9 @@ import math
 import numpy as np
 
 from contactsense.kinematics.linalg.lanes import add_dots, clear
-from contactsense.multi_contact.buffers import UNKNOWNS, JointState, MeasurementRows
-from contactsense.multi_contact.known_rows import KnownRows, add_known_information, fill_known_residuals
+from contactsense.multi_contact.buffers import UNKNOWNS, JointState
+from contactsense.multi_contact.joint_problem import JointProblem
+from contactsense.multi_contact.known_rows import add_known_information, fill_known_residuals
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.convex_primitives import Surfaces, curvature
@@ -43,18 +44,16 @@ That of a point anywhere on a rod. It bounds the covariance of directions that c
 
 
 @fused_kernel
-def fill_energies(
-    rows: MeasurementRows, m: int, prior: Prior, known: KnownRows, count: int, joint: JointState, number: int
-) -> None:
+def fill_energies(problem: JointProblem, joint: JointState, number: int) -> None:
     """Energies of the contacts of all lanes, infinite where a force pulls.
 
     Also fills `joint.residual` and the wrenches.
 
     Args:
-        rows, m, prior, known, count, joint: As for
-            `contactsense.multi_contact.joint_optimization.find_joint_modes`.
+        problem, joint: As for `contactsense.multi_contact.joint_optimization.find_joint_modes`.
         number: Where in `joint.lane` they are put, such as `ENERGY`.
     """
+    _, prior, (rows, m), known, count = problem
     y, energy = joint.residual, joint.lane[number]
     for r in range(m):
         for j in range(r * LANES, (r + 1) * LANES):
@@ -108,22 +107,15 @@ def _prior_energies_and_wrenches(prior: Prior, block: np.ndarray) -> None:
 
 
 @fused_kernel
-def linearize(
-    surfaces: Surfaces,
-    rows: MeasurementRows,
-    m: int,
-    prior: Prior,
-    known: KnownRows,
-    count: int,
-    joint: JointState,
-) -> None:
+def linearize(problem: JointProblem, joint: JointState) -> None:
     """Gauss-Newton matrices and gradients of the energies at the contacts in `joint`.
 
     The matrices (lower triangles) go to `joint.matrix`, the gradients to `joint.step`. Arguments as for
     `contactsense.multi_contact.joint_optimization.find_joint_modes`.
     """
+    surfaces, prior, (_, m), known, count = problem
     H, g, J, y = joint.matrix, joint.step, joint.jacobian, joint.residual
-    fill_energies(rows, m, prior, known, count, joint, ENERGY)
+    fill_energies(problem, joint, ENERGY)
     for i in range(count):
         at, block = i * UNKNOWNS, joint.contact[i]
         _fill_shape_operators(surfaces, joint.primitive[i], joint.lane[ACTIVE], block)

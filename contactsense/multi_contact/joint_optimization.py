@@ -23,7 +23,7 @@ from contactsense.kinematics.linalg.lanes import (
     substitute,
     substitute_back,
 )
-from contactsense.multi_contact.buffers import UNKNOWNS, JointState, MeasurementRows
+from contactsense.multi_contact.buffers import UNKNOWNS, JointState
 from contactsense.multi_contact.contact_step import restore_iterate, save_iterate, take_step
 from contactsense.multi_contact.joint_energy import fill_energies, linearize
 from contactsense.multi_contact.joint_layout import (
@@ -42,11 +42,9 @@ from contactsense.multi_contact.joint_layout import (
     TRIAL,
     VALID,
 )
-from contactsense.multi_contact.known_rows import KnownRows
+from contactsense.multi_contact.joint_problem import JointProblem
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
-from contactsense.robots.surface.convex_primitives import Surfaces
-from contactsense.solvers.posterior.contact_prior import Prior
 
 MAX_ITERATIONS = 8
 """Maximum number of Gauss-Newton steps."""
@@ -70,25 +68,11 @@ REJECTION_FACTOR = 3.0
 
 
 @fused_kernel
-def find_joint_modes(
-    surfaces: Surfaces,
-    rows: MeasurementRows,
-    m: int,
-    prior: Prior,
-    known: KnownRows,
-    count: int,
-    lanes: int,
-    limit: float,
-    joint: JointState,
-) -> None:
+def find_joint_modes(problem: JointProblem, lanes: int, limit: float, joint: JointState) -> None:
     """Most probable contacts, from the initial values in `joint`, which also holds the results.
 
     Args:
-        surfaces: Primitives.
-        rows, m: The measurement and the number of its rows.
-        prior: Prior of contacts.
-        known: Numbers of known contacts and of their rows, which are in `joint`.
-        count: Number of contacts.
+        problem: Whose energy is minimized.
         lanes: Number of starts, at most `LANES`.
         limit: Energy above which the contacts are rejected; a search ends as soon as it cannot get below.
         joint: Initial values, with pushing forces; on return the result, and in `matrix` and
@@ -96,18 +80,18 @@ def find_joint_modes(
             `LOG_EVIDENCE` (Laplace approximation, up to the constant of the noise). The energy is infinite if
             it stays above the limit or the matrix is not positive definite.
     """
-    lane = joint.lane
+    surfaces, prior, count, lane = problem.surfaces, problem.prior, problem.contacts, joint.lane
     for j in range(LANES):
         lane[ACTIVE, j] = 1.0 if j < lanes else 0.0
         lane[DAMPING, j], lane[ENDS, j] = 0.0, 0.0
-    take_rows(surfaces, rows, m, count, joint)
+    take_rows(problem, joint)
     for iteration in range(MAX_ITERATIONS + 1):
-        linearize(surfaces, rows, m, prior, known, count, joint)
+        linearize(problem, joint)
         _solve(count, joint)
         save_iterate(count, joint)
         if iteration == MAX_ITERATIONS or not _any_goes_on(limit, joint):
             break
-        _descend(surfaces, rows, m, prior, known, count, joint)
+        _descend(problem, joint)
         for j in range(LANES):
             _adapt_damping(j, iteration, joint)
     for j in range(LANES):
@@ -125,8 +109,9 @@ def find_joint_modes(
 
 
 @fused_kernel
-def take_rows(surfaces: Surfaces, rows: MeasurementRows, m: int, count: int, joint: JointState) -> None:
+def take_rows(problem: JointProblem, joint: JointState) -> None:
     """Fill `joint.rows`: those of the link of each contact."""
+    surfaces, _, (rows, m), _, count = problem
     for i in range(count):
         out = joint.rows[i]
         for j in range(LANES):
@@ -193,17 +178,10 @@ def _adapt_damping(j: int, iteration: int, joint: JointState) -> None:
 
 
 @fused_kernel
-def _descend(
-    surfaces: Surfaces,
-    rows: MeasurementRows,
-    m: int,
-    prior: Prior,
-    known: KnownRows,
-    count: int,
-    joint: JointState,
-) -> None:
+def _descend(problem: JointProblem, joint: JointState) -> None:
     """Search along the steps of the active lanes for lower energies; `DECREASE` is zero where none was
     found."""
+    surfaces, prior, count = problem.surfaces, problem.prior, problem.contacts
     lane, step = joint.lane, joint.step
     for j in range(LANES):
         full = 1.0
@@ -216,8 +194,8 @@ def _descend(
         for j in range(LANES):
             lane[MOVING, j] = lane[SEARCHING, j]
         take_step(surfaces, prior, count, lane[SCALE], step, joint)
-        fill_energies(rows, m, prior, known, count, joint, TRIAL)
-        _correct(surfaces, rows, m, prior, known, count, joint)
+        fill_energies(problem, joint, TRIAL)
+        _correct(problem, joint)
         searching = False
         for j in range(LANES):
             if lane[SEARCHING, j] == 0.0:
@@ -238,17 +216,10 @@ def _descend(
 
 
 @fused_kernel
-def _correct(
-    surfaces: Surfaces,
-    rows: MeasurementRows,
-    m: int,
-    prior: Prior,
-    known: KnownRows,
-    count: int,
-    joint: JointState,
-) -> None:
+def _correct(problem: JointProblem, joint: JointState) -> None:
     """Correct the steps that lower the energy by less than expected, where that helps; `TRIAL` is the energy
     after it."""
+    surfaces, prior, (_, m), _, count = problem
     lane, any_corrected, any_back = joint.lane, False, False
     for j in range(LANES):
         scale, decrease = lane[SCALE, j], lane[ENERGY, j] - lane[TRIAL, j]
@@ -260,7 +231,7 @@ def _correct(
         return
     _fill_corrected_step(count, m, joint)
     take_step(surfaces, prior, count, lane[SCALE], joint.corrected_step, joint)
-    fill_energies(rows, m, prior, known, count, joint, CORRECTED)
+    fill_energies(problem, joint, CORRECTED)
     for j in range(LANES):
         if lane[MOVING, j] == 0.0:
             continue

@@ -6,10 +6,11 @@ import numpy as np
 
 from contactsense.localization.primitive_frames import place_primitives
 from contactsense.localization.searched_surface import SearchArrays
-from contactsense.multi_contact.buffers import MultiContactBuffers
+from contactsense.multi_contact.buffers import Measurement, MultiContactBuffers
 from contactsense.multi_contact.contact_set_search import Sought, search_contact_sets
+from contactsense.multi_contact.further_contact import SingleContactSearch
 from contactsense.multi_contact.measurement_rows import Variances, fill_measurement_rows, rank_of
-from contactsense.multi_contact.sample_likelihood import transform_samples
+from contactsense.multi_contact.sample_likelihood import SampleModel, transform_samples
 from contactsense.multi_contact.seeding_prior import estimate_force_scale
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.signed_distance_grid import Grids, Skin
@@ -71,16 +72,21 @@ def explain_contact_sets(
     variances = Variances(
         state.base_information, scale, state.torque_variance, state.link_variance, state.link_origin
     )
-    m = fill_measurement_rows(
-        constants.sensors, state.motion, external, variances, present, lag, buffers.rows
+    measurement = Measurement(
+        buffers.rows,
+        fill_measurement_rows(
+            constants.sensors, state.motion, external, variances, present, lag, buffers.rows
+        ),
     )
-    scene = searched_surface(constants)
     arrays = SearchArrays(state.search_buffers, state.surface_cells, buffers.candidates)
-    force_scale = estimate_force_scale(external, present)
-    count = search_contact_sets(
-        scene, state.motion, present[0], constants.prior, arrays, buffers, m, force_scale,
-        Sought(known_count, drift, max_contacts, not bandwidth < math.inf),
-    )  # fmt: skip
+    single = SingleContactSearch(
+        searched_surface(constants), state.motion, present[0], constants.prior, arrays
+    )
+    model = SampleModel(
+        seed_samples, measurement, constants.prior.friction_ratio, estimate_force_scale(external, present)
+    )
+    sought = Sought(known_count, drift, max_contacts, not bandwidth < math.inf)
+    count = search_contact_sets(single, model, sought, buffers)
     listed, row = 0, 0
     for k in range(count):
         t = explanations.order[k]
@@ -101,5 +107,5 @@ def explain_contact_sets(
         links = buffers.rank.link
         for i in range(explanations.contacts[t]):
             links[i] = constants.surfaces.link[explanations.primitive[t, i]]
-        rank = rank_of(buffers.rows, m, links, explanations.contacts[t], buffers.rank.matrix)
+        rank = rank_of(measurement, links, explanations.contacts[t], buffers.rank.matrix)
     return listed, rank

@@ -17,11 +17,17 @@ import math
 import numpy as np
 
 from contactsense.localization.mean_surface_distance import mean_surface_distance
-from contactsense.multi_contact.buffers import MeasurementRows, MultiContactBuffers, PlacedSurface
+from contactsense.multi_contact.buffers import (
+    Measurement,
+    MeasurementRows,
+    MultiContactBuffers,
+    PlacedSurface,
+)
 from contactsense.multi_contact.contact_step import set_contact, vector_of
 from contactsense.multi_contact.initial_contacts import weigh_priors
 from contactsense.multi_contact.joint_energy import linearize
 from contactsense.multi_contact.joint_optimization import find_joint_modes, take_rows
+from contactsense.multi_contact.joint_problem import JointProblem
 from contactsense.multi_contact.known_prior import MIN_POINT_DEVIATION, fill_rows
 from contactsense.multi_contact.known_rows import Change, KnownRows
 from contactsense.multi_contact.pooled_places import bilinear_form
@@ -52,7 +58,7 @@ def fill_component_priors(
     surface: PlacedSurface,
     prior: Prior,
     buffers: MultiContactBuffers,
-    m: int,
+    measurement: Measurement,
     known_count: int,
     change: Change,
     i: int,
@@ -61,9 +67,9 @@ def fill_component_priors(
 
     Args:
         surface, prior: Where contacts may be, and their prior.
-        buffers: The measurement and the known contacts. In `joint`, `known_rows` and `known_mean` are filled;
+        buffers: The known contacts. In `joint`, `known_rows` and `known_mean` are filled;
             in `known_prior`, `primitive` and `evidence`.
-        m: Number of rows of the measurement.
+        measurement: The measurement.
         known_count: Number of known contacts.
         change: What has changed since the earlier sample, in which they were measured.
         i: The one that is divided.
@@ -71,18 +77,20 @@ def fill_component_priors(
     Returns:
         Numbers of known contacts and of their rows.
     """
-    rows, joint, scratch, surfaces = buffers.rows, buffers.joint, buffers.known_prior, surface.surfaces
-    _predict_earlier_sample(surface, prior, buffers, m, known_count)
+    (rows, m), surfaces = measurement, surface.surfaces
+    joint, scratch = buffers.joint, buffers.known_prior
+    _predict_earlier_sample(surface, prior, buffers, measurement, known_count)
     _place_components(surface, prior, buffers, known_count, i)
     if change.drift < math.inf:
         earlier = MeasurementRows(
             rows.matrix, scratch.earlier, rows.seen, rows.factor, rows.row, rows.transformed
         )
-        find_joint_modes(surfaces, earlier, m, prior, KnownRows(0, 0), known_count, LANES, math.inf, joint)
+        problem = JointProblem(surfaces, prior, Measurement(earlier, m), KnownRows(0, 0), known_count)
+        find_joint_modes(problem, LANES, math.inf, joint)
         for j in range(LANES):
             joint.lane[ACTIVE, j] = 1.0
-        take_rows(surfaces, earlier, m, known_count, joint)
-        linearize(surfaces, earlier, m, prior, KnownRows(0, 0), known_count, joint)
+        take_rows(problem, joint)
+        linearize(problem, joint)
     size = 0
     for j in range(LANES):
         size = fill_rows(prior, scratch.place_covariance, known_count, change, joint, scratch, (j, j + 1))
@@ -95,7 +103,8 @@ def fill_component_priors(
             block[EXTENT + j] = 0.0
             weigh_priors(change, j, block)
     known = KnownRows(known_count, size)
-    find_joint_modes(surfaces, rows, 0, prior, known, known_count, LANES, math.inf, joint)
+    alone = JointProblem(surfaces, prior, Measurement(rows, 0), known, known_count)
+    find_joint_modes(alone, LANES, math.inf, joint)
     for j in range(LANES):
         scratch.evidence[j] = joint.lane[LOG_EVIDENCE, j]
     return known
@@ -103,10 +112,15 @@ def fill_component_priors(
 
 @fused_kernel
 def _predict_earlier_sample(
-    surface: PlacedSurface, prior: Prior, buffers: MultiContactBuffers, m: int, known_count: int
+    surface: PlacedSurface,
+    prior: Prior,
+    buffers: MultiContactBuffers,
+    measurement: Measurement,
+    known_count: int,
 ) -> None:
     """Fill the rows that the known contacts predict, and lane 0 with these."""
     joint, known, value = buffers.joint, buffers.known, buffers.known_prior.earlier
+    rows, m = measurement
     for r in range(m):
         value[r] = 0.0
     for e in range(known_count):
@@ -114,7 +128,7 @@ def _predict_earlier_sample(
         set_contact(surface, prior, joint, 0, e, p, vector(known.point[e]), f)
         point, normal = vector_of(joint.contact[e], PX, 0), vector_of(joint.contact[e], NX, 0)
         moment = add_scaled(cross(point, f), known.torsion[e], normal)
-        A = buffers.rows.matrix[surface.surfaces.link[p]]
+        A = rows.matrix[surface.surfaces.link[p]]
         for r in range(m):
             for k in range(3):
                 value[r] += A[r, k] * f[k] + A[r, 3 + k] * moment[k]

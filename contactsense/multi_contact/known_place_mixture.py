@@ -21,11 +21,12 @@ import numpy as np
 
 from contactsense.localization.accessibility import apply_accessibility
 from contactsense.localization.ranking import LINE_OF_ACTION_DEVIATION
-from contactsense.multi_contact.buffers import Explanations, MultiContactBuffers, PlacedSurface
+from contactsense.multi_contact.buffers import Explanations, Measurement, MultiContactBuffers, PlacedSurface
 from contactsense.multi_contact.contact_step import set_contact, vector_of
 from contactsense.multi_contact.initial_contacts import initialize_known_contact, weigh_priors
 from contactsense.multi_contact.joint_covariance import fill_covariances
 from contactsense.multi_contact.joint_optimization import find_joint_modes
+from contactsense.multi_contact.joint_problem import JointProblem
 from contactsense.multi_contact.known_components import COMPONENT_WIDTH, fill_component_priors
 from contactsense.multi_contact.known_rows import Change
 from contactsense.multi_contact.pooled_places import bilinear_form
@@ -54,7 +55,7 @@ def divide_known_places(
     surface: PlacedSurface,
     prior: Prior,
     buffers: MultiContactBuffers,
-    m: int,
+    measurement: Measurement,
     known_count: int,
     change: Change,
     stored: int,
@@ -63,14 +64,14 @@ def divide_known_places(
 
     Args:
         surface, prior: Where contacts may be, and their prior. The candidates are scratch.
-        buffers: The measurement, the known contacts, and the explanations; of these, those behind the stored
+        buffers: The known contacts and the explanations; of these, those behind the stored
             ones are scratch. The rows of the known contacts are scratch, too.
-        m: Number of rows of the measurement.
+        measurement: The measurement.
         known_count: Number of known contacts.
         change: What has changed since they were estimated.
         stored: Number of explanations.
     """
-    rows, joint, explanations = buffers.rows, buffers.joint, buffers.explanations
+    joint, explanations = buffers.joint, buffers.explanations
     surfaces, limit = surface.surfaces, 2.0 * prior.surface_deviation
     kept = order_distinct(surfaces.link, explanations, 0, stored, limit, -math.log(MIN_ODDS))
     for i in range(known_count):
@@ -78,12 +79,13 @@ def divide_known_places(
         normal = vector_of(joint.contact[i], NX, 0)
         if not _is_broad(buffers.known.covariance[i], normal, joint.contact[i, FORCE_PRIOR]):
             continue
-        known = fill_component_priors(surface, prior, buffers, m, known_count, change, i)
+        known = fill_component_priors(surface, prior, buffers, measurement, known_count, change, i)
         for a in range(min(kept, DIVIDED)):
             t = explanations.order[a]
             count = explanations.contacts[t]
             _start_at_components(surface, prior, buffers, t, i, known_count, change)
-            find_joint_modes(surfaces, rows, m, prior, known, count, LANES, math.inf, joint)
+            problem = JointProblem(surfaces, prior, measurement, known, count)
+            find_joint_modes(problem, LANES, math.inf, joint)
             fill_covariances(count, joint)
             highest = _store_components(surface, prior, buffers, (i, count), normal, stored)
             if highest > -math.inf:

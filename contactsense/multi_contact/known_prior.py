@@ -28,7 +28,7 @@ from contactsense.multi_contact.buffers import (
     JointState,
     KnownContacts,
     KnownPriorScratch,
-    MeasurementRows,
+    Measurement,
     PlacedSurface,
 )
 from contactsense.multi_contact.contact_step import vector_of
@@ -48,6 +48,7 @@ from contactsense.multi_contact.joint_layout import (
     TX,
 )
 from contactsense.multi_contact.joint_optimization import take_rows
+from contactsense.multi_contact.joint_problem import JointProblem
 from contactsense.multi_contact.known_rows import Change, KnownRows, unknown_of_factor
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
@@ -62,8 +63,7 @@ MIN_POINT_DEVIATION = 1e-4
 def fill_known_prior(
     surface: PlacedSurface,
     prior: Prior,
-    rows: MeasurementRows,
-    m: int,
+    measurement: Measurement,
     known_contacts: KnownContacts,
     known_count: int,
     change: Change,
@@ -75,7 +75,7 @@ def fill_known_prior(
 
     Args:
         surface, prior: Where contacts may be, and their prior.
-        rows, m: The measurement and the number of its rows.
+        measurement: The measurement.
         known_contacts, known_count: Known contacts, and how many.
         change: What has changed since.
         joint: Filled.
@@ -94,8 +94,9 @@ def fill_known_prior(
             joint.contact[i, FORCE_PRIOR], joint.contact[i, MOMENT_PRIOR] = 1.0, 1.0
         for j in range(LANES):
             joint.lane[ACTIVE, j] = 1.0 if j == 0 else 0.0
-        take_rows(surface.surfaces, rows, m, known_count, joint)
-        linearize(surface.surfaces, rows, m, prior, KnownRows(0, 0), known_count, joint)
+        problem = JointProblem(surface.surfaces, prior, measurement, KnownRows(0, 0), known_count)
+        take_rows(problem, joint)
+        linearize(problem, joint)
     size = fill_rows(prior, known_contacts.covariance, known_count, change, joint, scratch, (0, LANES))
     if change.drift < math.inf:
         for i in range(known_count):

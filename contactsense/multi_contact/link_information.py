@@ -17,7 +17,7 @@ import numpy as np
 
 from contactsense.kinematics.linalg.cholesky import cholesky, substitute_lower
 from contactsense.kinematics.wrench_information import Block, blocks, dot, shift_information, shift_vector
-from contactsense.multi_contact.buffers import MeasurementRows, SeedingBuffers
+from contactsense.multi_contact.buffers import Measurement, SeedingBuffers
 from contactsense.multi_contact.force_information import factored, force_precision, solved, without_moment
 from contactsense.multi_contact.sample_layout import DET, GAIN, NORMAL_FORCE, NX, NY, NZ, X, Y, Z
 from contactsense.multi_contact.seed_samples import SeedSamples
@@ -44,16 +44,17 @@ def log_likelihood(m: int, seeding: SeedingBuffers) -> float:
 
 
 @fused_kernel
-def fill_link_information(rows: MeasurementRows, m: int, seeding: SeedingBuffers) -> float:
+def fill_link_information(measurement: Measurement, seeding: SeedingBuffers) -> float:
     """Fill `seeding.link_information` and `seeding.link_vector`: L and h of every link.
 
     Args:
-        rows, m: The measurement and the number of its rows.
+        measurement: The measurement.
         seeding: With the covariance S in `factor`, lower triangle, which is factored.
 
     Returns:
         Log likelihood without a further contact, up to a constant.
     """
+    rows, m = measurement
     score = log_likelihood(m, seeding)
     F, W, z = seeding.factor, seeding.whitened, seeding.weighted_innovation
     links = rows.seen.shape[0]

@@ -13,7 +13,7 @@ from contactsense.multi_contact.buffers import (
     Explanations,
     empty_multi_contact_buffers,
 )
-from contactsense.multi_contact.contact_set_builder import ContactSetBuilder
+from contactsense.multi_contact.contact_set_builder import ContactSetBuilder, ContactSets
 from contactsense.multi_contact.kernels import explain_contact_sets
 from contactsense.output.estimate_builder import EstimateBuilder
 from contactsense.robots.jit.direct_call import direct_call
@@ -122,15 +122,14 @@ class MultiContactLocator:
         listed, rank = self.fit(present, int(contacts), known_contacts, math.inf if drift is None else drift)
         order = self.explanations.order[:listed]
         best, counts = self.explanations.order[0], self.explanations.contacts[order]
-        return self._builder.sets(
-            0.0,
+        found = ContactSets(
             self._rows[: counts.sum()],
             counts,
             self.explanations.wrench[best],
             self.explanations.wrench_covariance[best],
             rank,
-            len(known),
         )
+        return self._builder.sets(0.0, found, len(known))
 
     def check(self, contacts: int, known: Sequence[Contact], drift: float | None) -> None:
         """Check the arguments of `Localizer.locate`, see `check_arguments`."""

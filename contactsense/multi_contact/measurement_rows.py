@@ -15,7 +15,7 @@ import numpy as np
 from contactsense.isolation.link_hypotheses import SensorModel
 from contactsense.kinematics.model import Motion
 from contactsense.kinematics.spatial import component_about
-from contactsense.multi_contact.buffers import MeasurementRows
+from contactsense.multi_contact.buffers import Measurement, MeasurementRows
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.sensors.usable_sensors import Usable
@@ -149,17 +149,17 @@ def fill_measurement_rows(
 
 
 @fused_kernel
-def rank_of(rows: MeasurementRows, m: int, links: np.ndarray, count: int, scratch: np.ndarray) -> int:
+def rank_of(measurement: Measurement, links: np.ndarray, count: int, scratch: np.ndarray) -> int:
     """Rank of the map from the wrenches of contacts on `links` to the rows: the number of independent
     measurements.
 
     Args:
-        rows, m: The measurement and the number of its rows.
+        measurement: The measurement.
         links: Indices of the touched links, shape (>= count,).
         count: Number of contacts.
         scratch: Shape (>= m, >= 6 * count).
     """
-    n = 6 * count
+    (rows, m), n = measurement, 6 * count
     for r in range(m):
         size = 0.0
         for i in range(count):

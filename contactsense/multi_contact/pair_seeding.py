@@ -6,7 +6,7 @@ import math
 import numpy as np
 
 from contactsense.kinematics.exponential import exponential
-from contactsense.multi_contact.buffers import MeasurementRows, SeedingBuffers
+from contactsense.multi_contact.buffers import SeedingBuffers
 from contactsense.multi_contact.link_information import fill_link_information, fill_sample_blocks
 from contactsense.multi_contact.pair_layout import PAIR_DET, PAIR_FORCE, PAIR_GAIN, PAIRS
 from contactsense.multi_contact.pair_likelihood import (
@@ -15,7 +15,7 @@ from contactsense.multi_contact.pair_likelihood import (
     fill_pair_likelihoods,
     take_first_contacts,
 )
-from contactsense.multi_contact.sample_likelihood import copy_lower, force_deviations
+from contactsense.multi_contact.sample_likelihood import SampleModel, copy_lower, force_deviations
 from contactsense.multi_contact.seed_list import find_slot, put_seed
 from contactsense.multi_contact.seed_samples import SeedSamples
 from contactsense.robots.jit.kernel import fused_kernel
@@ -28,22 +28,15 @@ LOWEST_EXPONENT = -40.0
 
 
 @fused_kernel
-def seed_pairs(
-    seed_samples: SeedSamples,
-    friction_ratio: float,
-    count: int,
-    force_scale: float,
-    rows: MeasurementRows,
-    m: int,
-    seeding: SeedingBuffers,
-) -> None:
+def seed_pairs(model: SampleModel, count: int, seeding: SeedingBuffers) -> None:
     """Every pair of the coarse samples: seeds of two contacts, or the beam for three."""
+    seed_samples = model.samples
     chosen, gain = seed_samples.coarse, seeding.pair_gain
     # Beside a third contact they may push after all.
     lowest_force = 0.0 if count == 2 else -math.inf
-    deviations = force_deviations(force_scale, friction_ratio)
-    base = take_samples(seed_samples, force_scale, rows, m, seeding)
-    fill_cross_information(m, seeding)
+    deviations = force_deviations(model.force_scale, model.friction_ratio)
+    base = take_samples(model, seeding)
+    fill_cross_information(model.measurement.size, seeding)
     gain[:] = -math.inf
     seeding.pair_sum[:] = 0.0
     for b in range(chosen.link.shape[0]):
@@ -74,16 +67,15 @@ def seed_pairs(
 
 
 @fused_kernel
-def take_samples(
-    seed_samples: SeedSamples, force_scale: float, rows: MeasurementRows, m: int, seeding: SeedingBuffers
-) -> float:
+def take_samples(model: SampleModel, seeding: SeedingBuffers) -> float:
     """Fill the blocks of samples, and what the measurement tells of a further contact on each link; the log
     likelihood without one."""
+    seed_samples = model.samples
     for link in range(seed_samples.spread.shape[0]):
-        seeding.moment_deviation[link] = force_scale * seed_samples.spread[link]
+        seeding.moment_deviation[link] = model.force_scale * seed_samples.spread[link]
     fill_sample_blocks(seed_samples, seeding)
-    copy_lower(m, seeding.prior_covariance, seeding.factor)
-    return float(fill_link_information(rows, m, seeding))
+    copy_lower(model.measurement.size, seeding.prior_covariance, seeding.factor)
+    return float(fill_link_information(model.measurement, seeding))
 
 
 @fused_kernel

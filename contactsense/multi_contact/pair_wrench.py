@@ -4,26 +4,22 @@ measurement, in the model of `contactsense.multi_contact.sample_likelihood`."""
 import numpy as np
 
 from contactsense.kinematics.linalg.cholesky import substitute_lower
-from contactsense.multi_contact.buffers import Explanations, MeasurementRows, SeedingBuffers
+from contactsense.multi_contact.buffers import Explanations, SeedingBuffers
 from contactsense.multi_contact.link_information import log_likelihood
 from contactsense.multi_contact.sample_likelihood import (
+    SampleModel,
     add_sample_covariance,
     copy_lower,
     force_deviations,
     weight_innovation,
 )
-from contactsense.multi_contact.seed_samples import SeedSamples
 from contactsense.robots.jit.kernel import fused_kernel
 
 
 @fused_kernel
 def fill_pair_wrench(
-    seed_samples: SeedSamples,
-    friction_ratio: float,
+    model: SampleModel,
     samples: tuple[int, int],
-    force_scale: float,
-    rows: MeasurementRows,
-    m: int,
     seeding: SeedingBuffers,
     explanations: Explanations,
     t: int,
@@ -31,27 +27,27 @@ def fill_pair_wrench(
     """Most likely forces, energy, and sum of the wrenches of explanation t, with its covariance.
 
     Args:
-        seed_samples, friction_ratio, force_scale, rows, m, seeding: As for
-            `contactsense.multi_contact.seeding.find_seeds`, without known contacts.
+        model, seeding: As for `contactsense.multi_contact.seeding.find_seeds`, without known contacts.
         samples: Indices of the samples.
         explanations: Filled in row t.
     """
+    rows, m = model.measurement
     F, z = seeding.factor, seeding.weighted_innovation
     copy_lower(m, seeding.prior_covariance, F)
     for i in range(2):
-        add_sample_covariance(seed_samples, friction_ratio, samples[i], force_scale, rows, m, seeding, F)
+        add_sample_covariance(model, samples[i], seeding, F)
     log_likelihood(m, seeding)
     explanations.energy[t] = 0.0
     for r in range(m):
         explanations.energy[t] += 0.5 * z[r] * z[r]
     weight_innovation(m, seeding)
-    deviations = force_deviations(force_scale, friction_ratio)
+    deviations = force_deviations(model.force_scale, model.friction_ratio)
     wrench, covariance = explanations.wrench[t], explanations.wrench_covariance[t]
     wrench[:] = 0.0
     covariance[:] = 0.0
     seeding.wrench_root[:] = 0.0
     for i in range(2):
-        link = seed_samples.link[samples[i]]
+        link = model.samples.link[samples[i]]
         _fill_wrench_prior(
             seeding.point_normal[samples[i]], deviations, seeding.moment_deviation[link], seeding.wrench_prior
         )

@@ -6,21 +6,31 @@ the distance between samples. The covariances of several contacts add up, so tha
 set of samples is that of one small Gaussian.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from contactsense.kinematics.model import Motion
 from contactsense.kinematics.spatial import Six
 from contactsense.localization.surface_samples import SurfaceSamples
-from contactsense.multi_contact.buffers import (
-    MeasurementRows,
-    SeedingBuffers,
-)
+from contactsense.multi_contact.buffers import Measurement, SeedingBuffers
 from contactsense.multi_contact.link_information import log_likelihood
 from contactsense.multi_contact.seed_samples import SeedSamples
 from contactsense.robots.jit.kernel import fused_kernel
 
 RATIO_FACTOR = 2.0
 """Factor on the friction ratio of the prior in seeding, to allow for its heavy tail."""
+
+
+class SampleModel(NamedTuple):
+    """A measurement, and what is assumed of contacts near samples of the surface."""
+
+    samples: SeedSamples
+    measurement: Measurement
+    friction_ratio: float
+    """That of the prior."""
+    force_scale: float
+    """Approximate magnitude of the forces [N]."""
 
 
 @fused_kernel
@@ -43,8 +53,7 @@ def transform_samples(
 
 @fused_kernel
 def add_contact_covariance(
-    rows: MeasurementRows,
-    m: int,
+    measurement: Measurement,
     link: int,
     point_normal: Six,
     deviations: tuple[float, float],
@@ -56,7 +65,8 @@ def add_contact_covariance(
     """Add to `out` (lower triangle) the covariance of the rows due to a contact.
 
     Args:
-        rows, m, link: The measurement, the number of its rows, the touched link.
+        measurement: The measurement.
+        link: The touched link.
         point_normal: Point and outward normal, base frame, six floats.
         deviations: Standard deviations of the force along the normal and along the tangents [N].
         moment_deviation: Standard deviation of each component of an additional moment [Nm].
@@ -64,6 +74,7 @@ def add_contact_covariance(
         normal_jacobian: Filled: derivative of each row by a force along the normal, shape (M,).
         out: Shape (M, M).
     """
+    rows, m = measurement
     A, seen = rows.matrix[link], rows.seen[link]
     cx, cy, cz, nx, ny, nz = point_normal
     tangential_variance = deviations[1] * deviations[1]
@@ -98,28 +109,17 @@ def force_deviations(force_scale: float, friction_ratio: float) -> tuple[float, 
 
 
 @fused_kernel
-def add_sample_covariance(
-    seed_samples: SeedSamples,
-    friction_ratio: float,
-    i: int,
-    force_scale: float,
-    rows: MeasurementRows,
-    m: int,
-    seeding: SeedingBuffers,
-    out: np.ndarray,
-) -> None:
+def add_sample_covariance(model: SampleModel, i: int, seeding: SeedingBuffers, out: np.ndarray) -> None:
     """`add_contact_covariance` for a contact at sample i."""
     c = seeding.point_normal[i]
     point_normal = (c[0], c[1], c[2], c[3], c[4], c[5])
-    moment_deviation = seed_samples.spread[seed_samples.link[i]] * force_scale
-    deviations = force_deviations(force_scale, friction_ratio)
+    link = model.samples.link[i]
     add_contact_covariance(
-        rows,
-        m,
-        seed_samples.link[i],
+        model.measurement,
+        link,
         point_normal,
-        deviations,
-        moment_deviation,
+        force_deviations(model.force_scale, model.friction_ratio),
+        model.samples.spread[link] * model.force_scale,
         seeding.force_jacobian,
         seeding.normal_jacobian[i],
         out,
@@ -155,36 +155,18 @@ def copy_lower(m: int, a: np.ndarray, out: np.ndarray) -> None:
 
 
 @fused_kernel
-def initial_forces(
-    seed_samples: SeedSamples,
-    friction_ratio: float,
-    s: int,
-    count: int,
-    force_scale: float,
-    rows: MeasurementRows,
-    m: int,
-    seeding: SeedingBuffers,
-    out: np.ndarray,
-) -> None:
+def initial_forces(model: SampleModel, s: int, count: int, seeding: SeedingBuffers, out: np.ndarray) -> None:
     """Most likely forces at the samples of a seed, base axes, shape (>= count, 3) [N]."""
+    (rows, m), force_scale = model.measurement, model.force_scale
     copy_lower(m, seeding.prior_covariance, seeding.factor)
     for e in range(count):
-        add_sample_covariance(
-            seed_samples,
-            friction_ratio,
-            seeding.seed[s, e],
-            force_scale,
-            rows,
-            m,
-            seeding,
-            seeding.factor,
-        )
+        add_sample_covariance(model, seeding.seed[s, e], seeding, seeding.factor)
     log_likelihood(m, seeding)
     weight_innovation(m, seeding)
-    tangential_variance = (RATIO_FACTOR * friction_ratio * force_scale) ** 2
+    tangential_variance = (RATIO_FACTOR * model.friction_ratio * force_scale) ** 2
     for e in range(count):
         i = seeding.seed[s, e]
-        link = seed_samples.link[i]
+        link = model.samples.link[i]
         c = seeding.point_normal[i]
         c0, c1, c2, n0, n1, n2 = c[0], c[1], c[2], c[3], c[4], c[5]
         b0, b1, b2 = 0.0, 0.0, 0.0

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from contactsense.localization.candidate_buffers import Candidates
-from contactsense.multi_contact.buffers import MeasurementRows, SeedingBuffers
+from contactsense.multi_contact.buffers import SeedingBuffers
 from contactsense.multi_contact.link_information import (
     fill_link_information,
     likelihood_near_samples,
@@ -15,6 +15,7 @@ from contactsense.multi_contact.link_information import (
 from contactsense.multi_contact.pair_seeding import seed_pairs, take_samples
 from contactsense.multi_contact.sample_layout import GAIN, NORMAL_FORCE
 from contactsense.multi_contact.sample_likelihood import (
+    SampleModel,
     add_sample_covariance,
     copy_lower,
     force_deviations,
@@ -22,29 +23,18 @@ from contactsense.multi_contact.sample_likelihood import (
     weight_innovation,
 )
 from contactsense.multi_contact.seed_list import SAME_SIDE_COSINE, find_slot, put_seed
-from contactsense.multi_contact.seed_samples import SampleBlocks, SeedSamples
+from contactsense.multi_contact.seed_samples import SampleBlocks
 from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
 from contactsense.robots.jit.lanes import LANES
 
 
 @fused_kernel
-def find_seeds(
-    seed_samples: SeedSamples,
-    friction_ratio: float,
-    count: int,
-    force_scale: float,
-    rows: MeasurementRows,
-    m: int,
-    seeding: SeedingBuffers,
-) -> int:
+def find_seeds(model: SampleModel, count: int, seeding: SeedingBuffers) -> int:
     """Fill `seeding.seed` with the sets of `count` (1 to 3) samples that explain the innovation best.
 
     Args:
-        seed_samples: The samples.
-        friction_ratio: That of the prior.
+        model: The samples and the measurement.
         count: Number of further contacts.
-        force_scale: Approximate magnitude of the forces [N].
-        rows, m: The measurement and the number of its rows.
         seeding: After `transform_samples` and `initialize_seeding`.
 
     Returns:
@@ -52,11 +42,11 @@ def find_seeds(
     """
     seeding.seed_score[:] = -math.inf
     if count == 1:
-        _seed_singles(seed_samples, friction_ratio, force_scale, rows, m, seeding)
+        _seed_singles(model, seeding)
     else:
-        seed_pairs(seed_samples, friction_ratio, count, force_scale, rows, m, seeding)
+        seed_pairs(model, count, seeding)
     if count == 3:
-        _seed_triples(seed_samples, friction_ratio, force_scale, rows, m, seeding)
+        _seed_triples(model, seeding)
     found = 0
     while found < seeding.seed_score.shape[0] and seeding.seed_score[found] > -math.inf:
         found += 1
@@ -100,18 +90,12 @@ def _likelihood_in_block(
 
 
 @fused_kernel
-def _seed_singles(
-    seed_samples: SeedSamples,
-    friction_ratio: float,
-    force_scale: float,
-    rows: MeasurementRows,
-    m: int,
-    seeding: SeedingBuffers,
-) -> None:
+def _seed_singles(model: SampleModel, seeding: SeedingBuffers) -> None:
     """Every coarse sample: seeds of one contact beside known ones."""
+    seed_samples = model.samples
     chosen, scores, seeds = seed_samples.coarse, seeding.seed_score, seeding.seed
-    deviations = force_deviations(force_scale, friction_ratio)
-    base = take_samples(seed_samples, force_scale, rows, m, seeding)
+    deviations = force_deviations(model.force_scale, model.friction_ratio)
+    base = take_samples(model, seeding)
     for d in range(chosen.link.shape[0]):
         block = seeding.block[d]
         _likelihood_in_block(chosen, d, deviations, seeding)
@@ -125,37 +109,27 @@ def _seed_singles(
 
 
 @fused_kernel
-def _seed_triples(
-    seed_samples: SeedSamples,
-    friction_ratio: float,
-    force_scale: float,
-    rows: MeasurementRows,
-    m: int,
-    seeding: SeedingBuffers,
-) -> None:
+def _seed_triples(model: SampleModel, seeding: SeedingBuffers) -> None:
     """The pairs of the beam, each extended by every coarse sample, after `seed_pairs`."""
+    seed_samples, (_, m) = model.samples, model.measurement
     chosen, scores = seed_samples.coarse, seeding.seed_score
-    deviations = force_deviations(force_scale, friction_ratio)
+    deviations = force_deviations(model.force_scale, model.friction_ratio)
     for d in range(chosen.link.shape[0]):
         for e in range(chosen.filled[d]):
             S = seeding.contact_covariance[d * LANES + e]
             for r in range(m):
                 for s in range(r + 1):
                     S[r, s] = 0.0
-            add_sample_covariance(
-                seed_samples, friction_ratio, chosen.sample[d, e], force_scale, rows, m, seeding, S
-            )
+            add_sample_covariance(model, chosen.sample[d, e], seeding, S)
     for t in range(seeding.beam_score.shape[0]):
         if seeding.beam_score[t] == -math.inf:
             break
         i, k = seeding.beam[t, 0], seeding.beam[t, 1]
         copy_lower(m, seeding.prior_covariance, seeding.given_covariance)
         for s in (i, k):
-            add_sample_covariance(
-                seed_samples, friction_ratio, s, force_scale, rows, m, seeding, seeding.given_covariance
-            )  # fmt: skip
+            add_sample_covariance(model, s, seeding, seeding.given_covariance)
         copy_lower(m, seeding.given_covariance, seeding.factor)
-        base = fill_link_information(rows, m, seeding)
+        base = fill_link_information(model.measurement, seeding)
         for d in range(chosen.link.shape[0]):
             block = seeding.block[d]
             _likelihood_in_block(chosen, d, deviations, seeding)

@@ -16,7 +16,7 @@ from contactsense.multi_contact.buffers import (
 from contactsense.multi_contact.contact_step import vector_of
 from contactsense.multi_contact.joint_layout import FX, NX, PX, W0
 from contactsense.multi_contact.known_rows import Change, unknown_of_factor
-from contactsense.multi_contact.sample_likelihood import add_contact_covariance, force_deviations
+from contactsense.multi_contact.sample_likelihood import SampleModel, add_contact_covariance, force_deviations
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.vectors import norm
@@ -51,12 +51,10 @@ def estimate_force_scale(external: tuple[np.ndarray, np.ndarray, np.ndarray], pr
 @fused_kernel
 def initialize_seeding(
     links: np.ndarray,
-    friction_ratio: float,
+    model: SampleModel,
     buffers: MultiContactBuffers,
     known_count: int,
     change: Change,
-    force_scale: float,
-    m: int,
 ) -> None:
     """Covariance of the rows due to noise and known contacts, and the innovation over their known forces.
 
@@ -66,19 +64,18 @@ def initialize_seeding(
 
     Args:
         links: Link of each primitive, shape (P,).
-        friction_ratio: That of the prior.
-        buffers: With the measurement, and the known contacts after
-            `contactsense.multi_contact.known_prior.fill_known_prior`; `seeding` is filled.
+        model: The samples and the measurement.
+        buffers: With the known contacts after `contactsense.multi_contact.known_prior.fill_known_prior`;
+            `seeding` is filled.
         known_count, change: Their number, and what has changed of them.
-        force_scale: Approximate magnitude of the forces [N].
-        m: Number of rows of the measurement.
     """
-    rows, seeding, joint = buffers.rows, buffers.seeding, buffers.joint
+    (rows, m), force_scale = model.measurement, model.force_scale
+    seeding, joint = buffers.seeding, buffers.joint
     seeding.prior_covariance[:m, :m] = 0.0
     for r in range(m):
         seeding.prior_covariance[r, r] = 1.0
         seeding.innovation[r] = rows.value[r]
-    deviations, is_held = force_deviations(force_scale, friction_ratio), change.drift < math.inf
+    deviations, is_held = force_deviations(force_scale, model.friction_ratio), change.drift < math.inf
     if is_held:
         deviations = (change.drift, change.drift)
         _subtract_known_wrenches(joint, known_count, m, seeding)
@@ -91,8 +88,7 @@ def initialize_seeding(
         if is_held:
             force_norm = norm(f)
         add_contact_covariance(
-            rows,
-            m,
+            model.measurement,
             links[buffers.known.primitive[i]],
             (c[0], c[1], c[2], n[0], n[1], n[2]),
             deviations,

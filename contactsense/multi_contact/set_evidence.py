@@ -3,13 +3,12 @@
 import math
 
 from contactsense.localization.accessibility import accessible_share, clearance, is_mounting_face
-from contactsense.multi_contact.buffers import UNKNOWNS, JointState, MeasurementRows, PlacedSurface
+from contactsense.multi_contact.buffers import UNKNOWNS, JointState, Measurement, PlacedSurface
 from contactsense.multi_contact.contact_step import vector_of
 from contactsense.multi_contact.joint_layout import ENERGY, LOG_EVIDENCE, NX, PX
 from contactsense.multi_contact.joint_optimization import find_joint_modes
-from contactsense.multi_contact.known_rows import KnownRows
+from contactsense.multi_contact.joint_problem import JointProblem
 from contactsense.robots.jit.kernel import fused_kernel
-from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.solvers.posterior.contact_prior import STUDENT_DOF, Prior
 
 FURTHER_CONTACT_ODDS = 0.02
@@ -17,19 +16,20 @@ FURTHER_CONTACT_ODDS = 0.02
 
 
 @fused_kernel
-def known_evidence(
-    surfaces: Surfaces, prior: Prior, rows: MeasurementRows, known: KnownRows, joint: JointState
-) -> float:
-    """Log evidence of the known contacts before the measurement, which are in lane 0.
+def known_evidence(problem: JointProblem, joint: JointState) -> float:
+    """Log evidence of the known contacts before the measurement, which are in lane 0; further contacts of the
+    problem do not count.
 
     The optimization uses the same priors for every contact: of its link and place, and of its force as far
     as it is a new one. What is known of it is an additional factor exp(-d^2 / 2) and not normalized.
     Subtracting this log evidence normalizes it, so that explanations with different known contacts are
     comparable.
     """
+    surfaces, prior, (rows, _), known, _ = problem
     if known.contacts == 0:
         return 0.0
-    find_joint_modes(surfaces, rows, 0, prior, known, known.contacts, 1, math.inf, joint)
+    alone = JointProblem(surfaces, prior, Measurement(rows, 0), known, known.contacts)
+    find_joint_modes(alone, 1, math.inf, joint)
     score = joint.lane[LOG_EVIDENCE, 0]
     if score == -math.inf:
         return 0.0
@@ -40,26 +40,17 @@ def known_evidence(
 
 
 @fused_kernel
-def fill_set_evidence(
-    surfaces: Surfaces,
-    prior: Prior,
-    rows: MeasurementRows,
-    m: int,
-    known: KnownRows,
-    count: int,
-    lanes: int,
-    limit: float,
-    joint: JointState,
-) -> None:
+def fill_set_evidence(problem: JointProblem, lanes: int, limit: float, joint: JointState) -> None:
     """Optimize the contacts in `joint`, the known ones first; `LOG_EVIDENCE` is that with the prior odds of
     the further contacts.
 
     Arguments as for `contactsense.multi_contact.joint_optimization.find_joint_modes`.
     """
-    find_joint_modes(surfaces, rows, m, prior, known, count, lanes, limit, joint)
+    further = problem.contacts - problem.known.contacts
+    find_joint_modes(problem, lanes, limit, joint)
     for j in range(lanes):
         if joint.lane[ENERGY, j] < math.inf:
-            joint.lane[LOG_EVIDENCE, j] += (count - known.contacts) * math.log(FURTHER_CONTACT_ODDS)
+            joint.lane[LOG_EVIDENCE, j] += further * math.log(FURTHER_CONTACT_ODDS)
 
 
 @fused_kernel

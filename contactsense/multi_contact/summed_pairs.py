@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from contactsense.multi_contact.buffers import MAX_SUMMED_PAIRS, Explanations, MeasurementRows, SeedingBuffers
+from contactsense.multi_contact.buffers import MAX_SUMMED_PAIRS, Explanations, SeedingBuffers
 from contactsense.multi_contact.pair_places import (
     fill_place_covariance,
     fill_place_likelihood,
@@ -19,18 +19,14 @@ from contactsense.multi_contact.pair_places import (
 )
 from contactsense.multi_contact.pair_wrench import fill_pair_wrench
 from contactsense.multi_contact.pooled_evidence import lowest_reported
-from contactsense.multi_contact.seed_samples import SeedSamples
+from contactsense.multi_contact.sample_likelihood import SampleModel
 from contactsense.robots.jit.kernel import fused_kernel
 
 
 @fused_kernel
 def store_summed_pairs(
-    seed_samples: SeedSamples,
-    friction_ratio: float,
-    force_scale: float,
+    model: SampleModel,
     surface_deviation: float,
-    rows: MeasurementRows,
-    m: int,
     seeding: SeedingBuffers,
     explanations: Explanations,
     stored: int,
@@ -38,8 +34,7 @@ def store_summed_pairs(
     """Store the most probable pairs of links without an optimum as explanations.
 
     Args:
-        seed_samples, friction_ratio, force_scale, rows, m, seeding: As for
-            `contactsense.multi_contact.seeding.find_seeds`, without known contacts, after
+        model, seeding: As for `contactsense.multi_contact.seeding.find_seeds`, without known contacts, after
             `contactsense.multi_contact.pooled_evidence.pool_link_evidence`. Of those that are stored,
             `seeding.pair_evidence` becomes -infinity.
         surface_deviation: Standard deviation of the surface along its normal [m].
@@ -48,6 +43,7 @@ def store_summed_pairs(
     Returns:
         How many there are now.
     """
+    seed_samples = model.samples
     evidence, score = seeding.pair_evidence, explanations.score
     lowest, highest = lowest_reported(evidence, score, stored), math.inf
     for _ in range(MAX_SUMMED_PAIRS):
@@ -61,9 +57,7 @@ def store_summed_pairs(
         t, samples = stored, (sample_at(seed_samples, one), sample_at(seed_samples, other))
         explanations.contacts[t], explanations.score[t] = 2, highest
         explanations.log_evidence[t] = -math.inf
-        fill_pair_wrench(
-            seed_samples, friction_ratio, samples, force_scale, rows, m, seeding, explanations, t
-        )
+        fill_pair_wrench(model, samples, seeding, explanations, t)
         for i in range(2):
             explanations.primitive[t, i] = seed_samples.primitive[samples[i]]
             explanations.torsion[t, i] = 0.0

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense.multi_contact.candidate_hypotheses import candidate_hypotheses
-from contactsense.multi_contact.contact_set_builder import ContactSetBuilder
+from contactsense.multi_contact.contact_set_builder import ContactSetBuilder, ContactSets
 from contactsense.multi_contact.locator import MultiContactLocator
 from contactsense.multi_contact.multi_hypothesis_filter import (
     FORCE_DRIFT,
@@ -318,10 +318,8 @@ class MultiContactTracker:
             fit.rows[:, PROBABILITY] = share / sum(odds)
         labels: list[tuple[int, Phase]] = [(member.number, member.phase) for member in self._members]
         rows, counts = np.concatenate([fit.rows for fit in fits]), np.array([len(fit.rows) for fit in fits])
-        estimate = self._builder.sets(
-            t, rows, counts, best.wrench, best.covariance, best.rank, len(labels), reason, labels,
-            tuple(self._events),
-        )  # fmt: skip
+        found = ContactSets(rows, counts, best.wrench, best.covariance, best.rank)
+        estimate = self._builder.sets(t, found, len(labels), reason, labels, tuple(self._events))
         self._events = []
         return estimate
 

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from contactsense import Scene
-from contactsense.multi_contact.buffers import MultiContactBuffers, empty_multi_contact_buffers
+from contactsense.multi_contact.buffers import Measurement, MultiContactBuffers, empty_multi_contact_buffers
+from contactsense.multi_contact.sample_likelihood import SampleModel
 from contactsense.scene_model.constants import build_constants
 from tests.plain_arm import plain_ur5e
 
@@ -33,6 +34,11 @@ def random_measurement(scale: float = 10.0) -> tuple[MultiContactBuffers, np.nda
     normal = rng.standard_normal((count, 3))
     seeding.point_normal[:, 3:] = normal / np.linalg.norm(normal, axis=1, keepdims=True)
     return buffers, covariance, y
+
+
+def model_of(buffers: MultiContactBuffers, friction_ratio: float, force_scale: float) -> SampleModel:
+    """The samples and rows of `random_measurement`."""
+    return SampleModel(buffers.seed_samples, Measurement(buffers.rows, ROWS), friction_ratio, force_scale)
 
 
 def _cross(c: np.ndarray) -> np.ndarray:

@@ -8,12 +8,15 @@ from contactsense import Localizer, Scene, robots
 from contactsense.benchmarks.multi_contact.trials import Trial, Trials
 from contactsense.localization.primitive_frames import place_primitives
 from contactsense.multi_contact.buffers import (
+    Measurement,
     MultiContactBuffers,
     PlacedSurface,
     empty_multi_contact_buffers,
 )
 from contactsense.multi_contact.contact_step import set_contact, vector_of
 from contactsense.multi_contact.joint_layout import FX, PX
+from contactsense.multi_contact.joint_problem import JointProblem
+from contactsense.multi_contact.known_rows import KnownRows
 from contactsense.multi_contact.measurement_rows import Variances, fill_measurement_rows
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.primitives import Capsule, Ellipsoid, Primitive, Sphere
@@ -45,6 +48,7 @@ def _smooth() -> robots.Robot:
     )
 
 
+NOTHING_KNOWN = KnownRows(0, 0)
 SCENE = Scene(robot=_smooth())
 
 
@@ -56,6 +60,11 @@ class Case(NamedTuple):
     state: State
     buffers: MultiContactBuffers
     trials: Trials
+
+    def problem(self, rows: int, contacts: int, known: KnownRows = NOTHING_KNOWN) -> JointProblem:
+        """That many contacts are to explain the first rows."""
+        measurement = Measurement(self.buffers.rows, rows)
+        return JointProblem(self.constants.surfaces, self.constants.prior, measurement, known, contacts)
 
     @property
     def surface(self) -> PlacedSurface:

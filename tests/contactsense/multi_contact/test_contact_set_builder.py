@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from contactsense import Scene, WrenchSensor
-from contactsense.multi_contact.contact_set_builder import ContactSetBuilder, _largest_deviation
+from contactsense.multi_contact.contact_set_builder import ContactSetBuilder, ContactSets, _largest_deviation
 from contactsense.multi_contact.marginal_probabilities import (
     SAME_POINT_DISTANCE,
     state_marginal_probabilities,
@@ -66,7 +66,6 @@ def test_explanations_that_overlap_are_one_where_a_contact_is_known(
     rows[:, LINK], rows[:, PROBABILITY] = [2, 3, 2, 3], [0.6, 0.6, 0.4, 0.4]
     rows[:, COVARIANCE] = 1e-4 * np.eye(3).ravel()
     rows[3, POINT_BASE] = 0.01
-    found = builder.sets(
-        0.0, rows, np.array([2, 2]), np.zeros(6), np.zeros((6, 6)), rank=8, known_count=known_count
-    )
+    sets = ContactSets(rows, np.array([2, 2]), np.zeros(6), np.zeros((6, 6)), rank=8)
+    found = builder.sets(0.0, sets, known_count)
     assert [explanation.probability for explanation in found.explanations] == pytest.approx(expected)

@@ -33,9 +33,7 @@ from contactsense.multi_contact.known_rows import KnownRows
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.convex_primitives import project
 from contactsense.solvers.posterior.contact_prior import STUDENT_DOF
-from tests.contactsense.multi_contact.smooth_arm import SCENE, SHAPES, Case, empty_case, take
-
-NOTHING_KNOWN = KnownRows(0, 0)
+from tests.contactsense.multi_contact.smooth_arm import NOTHING_KNOWN, SCENE, SHAPES, Case, empty_case, take
 
 
 @pytest.fixture(scope="module")
@@ -44,10 +42,8 @@ def case() -> Case:
 
 
 def _optimize(case: Case, m: int, count: int, lanes: int = LANES, known: KnownRows = NOTHING_KNOWN) -> None:
-    constants, buffers = case.constants, case.buffers
-    joint_optimization.find_joint_modes(
-        constants.surfaces, buffers.rows, m, constants.prior, known, count, lanes, np.inf, buffers.joint
-    )
+    problem = case.problem(m, count, known)
+    joint_optimization.find_joint_modes(problem, lanes, np.inf, case.buffers.joint)
 
 
 def _state_deviations(case: Case, count: int) -> None:
@@ -73,7 +69,7 @@ def test_the_gradients_are_those_of_the_energies(case: Case, count: int) -> None
     trial = case.trials.draw(count, 20.0, "different")
     m = take(case, trial, 0.01, count)
     _state_deviations(case, count)
-    constants, rows, joint = case.constants, case.buffers.rows, case.buffers.joint
+    constants, joint = case.constants, case.buffers.joint
     size, known = count * UNKNOWNS, KnownRows(min(count, 2), 9)
     rng = np.random.default_rng(count)
     scale = np.array([100.0] * 3 + [1.0] * 3 + [10.0, 500.0])
@@ -85,8 +81,9 @@ def test_the_gradients_are_those_of_the_energies(case: Case, count: int) -> None
             joint.known_mean[i] = np.repeat(mean + rng.standard_normal(8) / scale, LANES)
             _state_rows(joint, i, scale * rng.standard_normal((known.rows, 8)))
     joint.lane[ACTIVE], joint.lane[MOVING] = 1.0, 1.0
-    joint_optimization.take_rows(constants.surfaces, rows, m, count, joint)
-    joint_energy.linearize(constants.surfaces, rows, m, constants.prior, known, count, joint)
+    problem = case.problem(m, count, known)
+    joint_optimization.take_rows(problem, joint)
+    joint_energy.linearize(problem, joint)
     save_iterate(count, joint)
     gradient, length = joint.step[: size * LANES].reshape(size, LANES).copy(), np.ones(LANES)
     for a in range(size):
@@ -95,7 +92,7 @@ def test_the_gradients_are_those_of_the_energies(case: Case, count: int) -> None
             step = np.zeros((size, LANES))
             step[a] = -change
             take_step(constants.surfaces, constants.prior, count, length, step.reshape(-1), joint)
-            joint_energy.fill_energies(rows, m, constants.prior, known, count, joint, TRIAL)
+            joint_energy.fill_energies(problem, joint, TRIAL)
             values.append(joint.lane[TRIAL].copy())
         np.testing.assert_allclose((values[0] - values[1]) / 2e-6, gradient[a], rtol=2e-4, atol=2e-3)
 
@@ -198,10 +195,10 @@ def test_lanes_do_not_depend_on_each_other(case: Case) -> None:
 def test_covariances_are_those_of_the_inverse_matrix(case: Case) -> None:
     trial = case.trials.draw(3, 20.0, "different")
     m = take(case, trial, 0.0, 9)
-    constants, joint, size = case.constants, case.buffers.joint, 3 * UNKNOWNS
+    joint, size = case.buffers.joint, 3 * UNKNOWNS
     joint.lane[ACTIVE] = 1.0
-    joint_optimization.take_rows(constants.surfaces, case.buffers.rows, m, 3, joint)
-    joint_energy.linearize(constants.surfaces, case.buffers.rows, m, constants.prior, NOTHING_KNOWN, 3, joint)
+    joint_optimization.take_rows(case.problem(m, 3), joint)
+    joint_energy.linearize(case.problem(m, 3), joint)
     matrices = [_in_lane(joint.matrix[:size], lane, size) for lane in range(LANES)]
     joint_optimization._solve(3, joint)
     fill_covariances(3, joint)
@@ -242,10 +239,8 @@ def test_a_known_point_stays_and_its_covariance_shrinks(case: Case) -> None:
 def test_contacts_above_the_limit_are_rejected(case: Case) -> None:
     trial = case.trials.draw(2, 20.0, "different")
     m = take(case, trial, 0.01, 5)
-    constants, joint = case.constants, case.buffers.joint
-    joint_optimization.find_joint_modes(
-        constants.surfaces, case.buffers.rows, m, constants.prior, NOTHING_KNOWN, 2, LANES, -1.0, joint
-    )
+    joint = case.buffers.joint
+    joint_optimization.find_joint_modes(case.problem(m, 2), LANES, -1.0, joint)
     assert np.isposinf(joint.lane[ENERGY]).all()
     assert np.isneginf(joint.lane[LOG_EVIDENCE]).all()
 
@@ -258,9 +253,8 @@ def test_the_prior_over_links_adds_to_the_evidence_once_per_contact(case: Case) 
         m = take(case, trial, 0.01, 3)
         prior, joint = case.constants.prior._replace(log_link_density=log_link_density), case.buffers.joint
         surfaces = case.constants.surfaces
-        joint_optimization.find_joint_modes(
-            surfaces, case.buffers.rows, m, prior, NOTHING_KNOWN, 2, 1, np.inf, joint
-        )
+        problem = case.problem(m, 2)._replace(prior=prior)
+        joint_optimization.find_joint_modes(problem, 1, np.inf, joint)
         found.append(joint.lane[[ENERGY, LOG_EVIDENCE], 0])
         links = surfaces.link[joint.primitive[:2, 0]]
     assert links[0] != links[1]

@@ -7,10 +7,12 @@ from contactsense import Scene, robots
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.localization.primitive_frames import place_primitives
 from contactsense.multi_contact.buffers import (
+    Measurement,
     MultiContactBuffers,
     PlacedSurface,
     empty_multi_contact_buffers,
 )
+from contactsense.multi_contact.joint_problem import JointProblem
 from contactsense.multi_contact.known_prior import fill_known_prior
 from contactsense.multi_contact.known_rows import Change
 from contactsense.multi_contact.set_evidence import known_evidence
@@ -43,14 +45,17 @@ def _constants() -> tuple[Constants, State, MultiContactBuffers]:
 def log_known(covariance: np.ndarray, force: np.ndarray, drift: float) -> float:
     """Log evidence of one contact on the sphere before any measurement of a stream, and the prior's area."""
     constants, state, buffers = _constants()
-    surfaces, prior, rows, joint = constants.surfaces, constants.prior, buffers.rows, buffers.joint
+    surfaces, prior, joint = constants.surfaces, constants.prior, buffers.joint
+    measurement = Measurement(buffers.rows, 0)
     surface = PlacedSurface(surfaces, constants.deviations, state.candidates)
     contact, change = buffers.known, Change(drift, measured=False)
     contact.primitive[0] = 0
     contact.point[0], contact.force[0] = CENTER + RADIUS * NORMAL, force
     contact.covariance[0] = covariance
-    known = fill_known_prior(surface, prior, rows, 0, contact, 1, change, joint, buffers.known_prior)
-    return known_evidence(surfaces, prior, rows, known, joint) + float(np.log(prior.area))
+    known = fill_known_prior(surface, prior, measurement, contact, 1, change, joint, buffers.known_prior)
+    return known_evidence(JointProblem(surfaces, prior, measurement, known, 1), joint) + float(
+        np.log(prior.area)
+    )
 
 
 @pytest.mark.parametrize("sigma", [0.003, 0.006])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from contactsense.multi_contact.buffers import KNOWN_NUMBERS
+from contactsense.multi_contact.buffers import KNOWN_NUMBERS, Measurement
 from contactsense.multi_contact.contact_step import set_contact, vector_of
 from contactsense.multi_contact.joint_layout import NX, OFFSET_STEP, PX, SX, TX
 from contactsense.multi_contact.known_components import COMPONENT_WIDTH, COMPONENTS, fill_component_priors
@@ -95,7 +95,9 @@ def test_forces_are_those_which_the_earlier_sample_measured_there(case: Case, co
         for i in range(count):
             stated = np.array([*known.force[i], known.torsion[i], 0.0])
             y += A[i] @ _wrench(stated, known.point[i], np.array(vector_of(joint.contact[i], NX, 0)))
-        fill_component_priors(case.surface, prior, case.buffers, m, count, HELD, 0)
+        fill_component_priors(
+            case.surface, prior, case.buffers, Measurement(case.buffers.rows, m), count, HELD, 0
+        )
         means = _means(case, count)
         for lane in range(0, LANES, 3):
             contacts = []
@@ -118,8 +120,8 @@ def test_forces_are_those_which_the_earlier_sample_measured_there(case: Case, co
 def test_a_component_is_a_known_contact_in_its_own_right(case: Case, count: int, drift: float) -> None:
     prior, buffers = case.constants.prior, case.buffers
     change = Change(drift, measured=True)
-    m = _know(case, count)
-    found = fill_component_priors(case.surface, prior, buffers, m, count, change, 0)
+    measurement = Measurement(buffers.rows, _know(case, count))
+    found = fill_component_priors(case.surface, prior, buffers, measurement, count, change, 0)
     means = _means(case, count)
     in_lanes = buffers.joint.known_rows[:count].reshape(count, -1, KNOWN_NUMBERS, LANES)[:, : found.rows]
     in_lanes, covariance = in_lanes.copy(), buffers.known_prior.place_covariance[:count].copy()
@@ -129,9 +131,8 @@ def test_a_component_is_a_known_contact_in_its_own_right(case: Case, count: int,
             if np.isfinite(drift):
                 buffers.known.force[i], buffers.known.torsion[i] = means[i, 3:6, lane], means[i, 6, lane]
         stated = fill_known_prior(
-            case.surface, prior, buffers.rows, m, buffers.known, count, change, buffers.joint,
-            buffers.known_prior,
-        )  # fmt: skip
+            case.surface, prior, measurement, buffers.known, count, change, buffers.joint, buffers.known_prior
+        )
         assert stated == found
         expected = buffers.joint.known_rows[:count].reshape(count, -1, KNOWN_NUMBERS, LANES)
         expected = expected[:, : stated.rows, :, 0]

@@ -6,11 +6,13 @@ import pytest
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.localization.primitive_frames import place_primitives
 from contactsense.multi_contact.buffers import (
+    Measurement,
     MultiContactBuffers,
     PlacedSurface,
     empty_multi_contact_buffers,
 )
 from contactsense.multi_contact.joint_covariance import fill_covariances
+from contactsense.multi_contact.joint_problem import JointProblem
 from contactsense.multi_contact.known_place_mixture import divide_known_places
 from contactsense.multi_contact.known_prior import fill_known_prior
 from contactsense.multi_contact.known_rows import Change, KnownRows
@@ -56,13 +58,14 @@ class _Known:
         """The only explanation's covariance of the place after it has been divided, shape (3, 3) [m^2]."""
         constants, buffers, joint = self.constants, self.buffers, self.buffers.joint
         surfaces, prior, change = constants.surfaces, constants.prior, Change(drift, measured=True)
+        measurement = Measurement(buffers.rows, 0)
         known: KnownRows = fill_known_prior(
-            self.surface, prior, buffers.rows, 0, buffers.known, 1, change, joint, buffers.known_prior
+            self.surface, prior, measurement, buffers.known, 1, change, joint, buffers.known_prior
         )
-        known_evidence(surfaces, prior, buffers.rows, known, joint)
+        known_evidence(JointProblem(surfaces, prior, measurement, known, 1), joint)
         fill_covariances(1, joint)
         store_explanation(joint, 0, 1, 0.0, buffers.explanations, 0)
-        divide_known_places(self.surface, prior, buffers, 0, 1, change, 1)
+        divide_known_places(self.surface, prior, buffers, measurement, 1, change, 1)
         return np.array(buffers.explanations.covariance[0, 0])
 
 

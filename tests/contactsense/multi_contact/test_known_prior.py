@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from contactsense.multi_contact.buffers import UNKNOWNS
+from contactsense.multi_contact.buffers import UNKNOWNS, Measurement
 from contactsense.multi_contact.contact_step import vector_of
 from contactsense.multi_contact.joint_energy import linearize
 from contactsense.multi_contact.joint_layout import (
@@ -38,10 +38,10 @@ def _unknowns(of_each: list[int], count: int) -> np.ndarray:
 
 def _matrix(case: Case, m: int, known: KnownRows, count: int) -> np.ndarray:
     """Gauss-Newton matrix of the contacts in lane 0."""
-    constants, rows, joint = case.constants, case.buffers.rows, case.buffers.joint
+    joint, problem = case.buffers.joint, case.problem(m, count, known)
     joint.lane[ACTIVE] = 1.0
-    take_rows(constants.surfaces, rows, m, count, joint)
-    linearize(constants.surfaces, rows, m, constants.prior, known, count, joint)
+    take_rows(problem, joint)
+    linearize(problem, joint)
     size = count * UNKNOWNS
     lower = np.tril(joint.matrix.reshape(len(joint.matrix), -1, LANES)[:size, :size, 0])
     return np.asarray(lower + np.tril(lower, -1).T)
@@ -67,7 +67,7 @@ def _state(case: Case, covariance: np.ndarray, count: int) -> None:
 def _prior(case: Case, m: int, count: int, drift: float, measured: bool = True) -> KnownRows:
     constants, buffers = case.constants, case.buffers
     return fill_known_prior(
-        case.surface, constants.prior, buffers.rows, m, buffers.known, count,
+        case.surface, constants.prior, Measurement(buffers.rows, m), buffers.known, count,
         Change(drift, measured), buffers.joint, buffers.known_prior,
     )  # fmt: skip
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
+from contactsense.multi_contact.buffers import Measurement
 from contactsense.multi_contact.link_information import (
     fill_link_information,
     fill_sample_blocks,
@@ -20,6 +21,7 @@ from tests.contactsense.multi_contact.random_measurement import (
     added_covariance,
     by_force,
     chosen_samples,
+    model_of,
     random_measurement,
 )
 
@@ -32,7 +34,7 @@ def test_the_likelihood_is_that_of_dense_linear_algebra() -> None:
     seed_samples, seeding = buffers.seed_samples, buffers.seeding
     chosen = seed_samples.coarse
     fill_sample_blocks(seed_samples, seeding)
-    base = fill_link_information(buffers.rows, ROWS, seeding)
+    base = fill_link_information(Measurement(buffers.rows, ROWS), seeding)
     alone = multivariate_normal(np.zeros(ROWS), covariance).logpdf(y)
     for b in range(0, len(chosen.link), 5):
         link = chosen.link[b]
@@ -55,7 +57,7 @@ def test_the_likelihood_is_that_of_dense_linear_algebra() -> None:
 def test_the_evidence_of_a_pair_of_links_is_the_sum_over_pairs_of_samples() -> None:
     buffers, covariance, y = random_measurement()
     seed_samples, friction_ratio, force_scale = buffers.seed_samples, 0.25, 15.0
-    find_seeds(seed_samples, friction_ratio, 2, force_scale, buffers.rows, ROWS, buffers.seeding)
+    find_seeds(model_of(buffers, friction_ratio, force_scale), 2, buffers.seeding)
     chosen = chosen_samples(buffers)
     link = seed_samples.link[list(chosen)]
     spread = seed_samples.spread[link]
@@ -79,7 +81,7 @@ def test_the_evidence_of_a_pair_of_links_is_the_sum_over_pairs_of_samples() -> N
 def test_seeds_of_two_contacts_are_the_most_likely_pairs_that_push() -> None:
     buffers, covariance, y = random_measurement()
     seed_samples, seeding, friction_ratio, force_scale = buffers.seed_samples, buffers.seeding, 0.25, 15.0
-    count = find_seeds(seed_samples, friction_ratio, 2, force_scale, buffers.rows, ROWS, seeding)
+    count = find_seeds(model_of(buffers, friction_ratio, force_scale), 2, seeding)
     parts, pushes_with = {}, {}
     chosen = np.unique(seed_samples.coarse.sample)
     for i in chosen:
@@ -104,7 +106,7 @@ def test_seeds_of_two_contacts_are_the_most_likely_pairs_that_push() -> None:
 def test_no_seed_is_where_a_candidate_starts() -> None:
     buffers, _, _ = random_measurement()
     seed_samples, seeding, candidates = buffers.seed_samples, buffers.seeding, buffers.candidates
-    count = find_seeds(seed_samples, 0.25, 1, 15.0, buffers.rows, ROWS, seeding)
+    count = find_seeds(model_of(buffers, 0.25, 15.0), 1, seeding)
     before = seeding.seed[:count, 0].copy()
     candidates.order[:2] = 4, 1
     candidates.primitive[4] = seed_samples.primitive[before[3]]
@@ -127,7 +129,7 @@ def test_no_seed_is_where_a_candidate_starts() -> None:
 def test_seeds_of_one_contact_are_the_most_likely_samples_that_push() -> None:
     buffers, covariance, y = random_measurement()
     seed_samples, seeding, friction_ratio, force_scale = buffers.seed_samples, buffers.seeding, 0.25, 15.0
-    count = find_seeds(seed_samples, friction_ratio, 1, force_scale, buffers.rows, ROWS, seeding)
+    count = find_seeds(model_of(buffers, friction_ratio, force_scale), 1, seeding)
     score = {}
     for i in np.unique(seed_samples.coarse.sample):
         n = seeding.point_normal[i, 3:]

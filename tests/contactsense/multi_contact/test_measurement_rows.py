@@ -7,7 +7,7 @@ import pytest
 
 from contactsense import Localizer, Scene, WrenchSensor
 from contactsense.kinematics.momenta import kinematics_and_momenta
-from contactsense.multi_contact.buffers import MultiContactBuffers, empty_multi_contact_buffers
+from contactsense.multi_contact.buffers import Measurement, MultiContactBuffers, empty_multi_contact_buffers
 from contactsense.multi_contact.measurement_rows import Variances, fill_measurement_rows, rank_of
 from contactsense.robots.primitives import Capsule
 from contactsense.robots.tool import Tool
@@ -112,7 +112,7 @@ def test_rank(case: Case, sensors: tuple[bool, bool, bool], links: tuple[int, ..
     _take(case, {})
     m = _fill(case, *sensors)
     rows, scratch = case.buffers.rows, case.buffers.rank.matrix
-    assert rank_of(rows, m, np.array(links), len(links), scratch) == rank
+    assert rank_of(Measurement(rows, m), np.array(links), len(links), scratch) == rank
     # Oracle: NumPy's singular values of the stacked map.
     stacked = np.hstack([rows.matrix[link, :m] for link in links])
     assert np.linalg.matrix_rank(stacked) == rank

@@ -10,7 +10,7 @@ from contactsense.multi_contact.pooled_places import PLACE_WEIGHT, pool_covarian
 from contactsense.multi_contact.seeding import find_seeds
 from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.robots.vectors import tangents
-from tests.contactsense.multi_contact.random_measurement import ROWS, random_measurement
+from tests.contactsense.multi_contact.random_measurement import model_of, random_measurement
 
 SURFACE_DEVIATION = 0.002
 ALONG_NORMAL = SURFACE_DEVIATION**2
@@ -83,7 +83,7 @@ def _two_contacts(links: tuple[int, int]) -> tuple[MultiContactBuffers, np.ndarr
     primitive, and the samples."""
     buffers, _, _ = random_measurement(2.0)
     seed_samples, explanations = buffers.seed_samples, buffers.explanations
-    find_seeds(seed_samples, 0.25, 2, 15.0, buffers.rows, ROWS, buffers.seeding)
+    find_seeds(model_of(buffers, 0.25, 15.0), 2, buffers.seeding)
     link = np.zeros(int(seed_samples.primitive.max()) + 1, dtype=np.int64)
     link[seed_samples.primitive] = seed_samples.link
     samples = np.array([np.flatnonzero(seed_samples.link == k)[3] for k in links])

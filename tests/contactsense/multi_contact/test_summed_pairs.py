@@ -18,17 +18,17 @@ from contactsense.multi_contact.pair_places import (
 )
 from contactsense.multi_contact.pair_wrench import fill_pair_wrench
 from contactsense.multi_contact.ranked_sets import rank_sets
-from contactsense.multi_contact.sample_likelihood import RATIO_FACTOR
+from contactsense.multi_contact.sample_likelihood import RATIO_FACTOR, SampleModel
 from contactsense.multi_contact.seed_samples import in_blocks
 from contactsense.multi_contact.seeding import find_seeds
 from contactsense.multi_contact.summed_pairs import store_summed_pairs
 from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.runtime.candidate_rows import MIN_REPORTED_PROBABILITY
 from tests.contactsense.multi_contact.random_measurement import (
-    ROWS,
     added_covariance,
     by_force,
     chosen_samples,
+    model_of,
     random_measurement,
     wrench_prior,
 )
@@ -94,10 +94,14 @@ def _found_places(
     return likeliest, covariances
 
 
+def _model(buffers: MultiContactBuffers) -> SampleModel:
+    return model_of(buffers, FRICTION_RATIO, FORCE_SCALE)
+
+
 def _seeded(scale: float) -> tuple[MultiContactBuffers, np.ndarray, np.ndarray]:
     """A random measurement after `find_seeds`."""
     buffers, covariance, y = random_measurement(scale)
-    find_seeds(buffers.seed_samples, FRICTION_RATIO, 2, FORCE_SCALE, buffers.rows, ROWS, buffers.seeding)
+    find_seeds(_model(buffers), 2, buffers.seeding)
     return buffers, covariance, y
 
 
@@ -151,7 +155,7 @@ def test_the_order_of_the_samples_does_not_matter(own: int, link: int) -> None:
             order = chosen_samples(buffers)[::-1]
             coarse = in_blocks(order, buffers.seed_samples.link)
             buffers = buffers._replace(seed_samples=buffers.seed_samples._replace(coarse=coarse))
-        find_seeds(buffers.seed_samples, FRICTION_RATIO, 2, FORCE_SCALE, buffers.rows, ROWS, buffers.seeding)
+        find_seeds(_model(buffers), 2, buffers.seeding)
         answers.append(_found_places(buffers, own, link))
     (one, covariances), (other, same) = answers
     # On one link, which contact comes first is a matter of the order.
@@ -165,10 +169,7 @@ def test_the_wrench_is_the_conditional_normal_distribution() -> None:
     buffers, covariance, y = _seeded(10.0)
     explanations = buffers.explanations
     i, k = chosen_samples(buffers)[-1], chosen_samples(buffers)[40]
-    fill_pair_wrench(
-        buffers.seed_samples, FRICTION_RATIO, (i, k), FORCE_SCALE, buffers.rows, ROWS, buffers.seeding,
-        explanations, 5,
-    )  # fmt: skip
+    fill_pair_wrench(_model(buffers), (i, k), buffers.seeding, explanations, 5)
     rows = np.hstack([buffers.rows.matrix[buffers.seed_samples.link[e]] for e in (i, k)])
     prior = np.zeros((12, 12))
     for a, e in enumerate((i, k)):
@@ -189,10 +190,7 @@ def test_the_most_probable_pairs_take_their_evidence_along() -> None:
     buffers, _, _ = _seeded(SMALL)
     evidence, score = buffers.seeding.pair_evidence, buffers.explanations.score
     before, score[0] = evidence.copy(), evidence.max() - 1.0
-    stored = store_summed_pairs(
-        buffers.seed_samples, FRICTION_RATIO, FORCE_SCALE, SURFACE_DEVIATION, buffers.rows, ROWS,
-        buffers.seeding, buffers.explanations, 1,
-    )  # fmt: skip
+    stored = store_summed_pairs(_model(buffers), SURFACE_DEVIATION, buffers.seeding, buffers.explanations, 1)
     total = logsumexp(np.append(before, score[0]))
     assert logsumexp(np.append(evidence, score[:stored])) == pytest.approx(total)
     shares = np.exp(score[1:stored] - total)
