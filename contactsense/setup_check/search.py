@@ -62,12 +62,14 @@ def searched(fitter: Fitter, hypotheses: Hypotheses, stated: Setup, progress: Ca
         fitter.effective[:] = 1.0
         now = fitter.fit(setup)
         candidates = [Candidate.of(fitter, hypothesis) for hypothesis in hypotheses.of(setup)]
+        if number == 0:
+            # What a second wrong line leaves is correlated, so that few rows would count as independent, and
+            # the first of two lines would hardly differ from those that explain nothing.
+            firsts = _by_line(sorted(candidates, key=lambda c: fitter.cost(c.fit)), setup)
         fitter.set_effective_rows(min([now, *(c.fit for c in candidates)], key=fitter.cost).residual)
         ranked = sorted(candidates, key=lambda c: fitter.cost(c.fit))
         best = next((c for c in ranked if matters(now.setup, c.fit) and c.explains(now)), None)
         changes = found.changes if found is not None else ()
-        if number == 0:
-            firsts = _by_line(ranked, setup)
         if len(changes) >= _MOST or number == _ROUNDS - 1:
             break
         if best is not None and fitter.cost(now) - fitter.cost(best.fit) >= EVIDENCE:
