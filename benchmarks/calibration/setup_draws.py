@@ -314,6 +314,12 @@ def _positions_exchanged(
     return scene, replace(recording, q=recording.q[:, order], qd=recording.qd[:, order])
 
 
+def _other_zero(scene: Scene, recording: FreeMotion, rng: np.random.Generator) -> tuple[Scene, FreeMotion]:
+    # A joint between the first and the last: those two turn the base and the tool.
+    offset = np.radians(rng.uniform(5.0, 15.0)) * rng.choice([-1.0, 1.0]) * np.eye(6)[int(rng.integers(1, 5))]
+    return scene, replace(recording, q=recording.q + offset)
+
+
 def _torques_exchanged(
     scene: Scene, recording: FreeMotion, rng: np.random.Generator
 ) -> tuple[Scene, FreeMotion]:
@@ -350,6 +356,7 @@ MISTAKES: dict[str, tuple[Line, Mistake]] = {
     "forces in kgf or lbf": ("base wrench: scale", _other_unit),
     "one component of the base sensor reversed": ("base wrench: order of axes", _one_reversed),
     "positions of two joints exchanged": ("joint positions: order", _positions_exchanged),
+    "zero of one joint off by 5 to 15 degrees": ("joint positions: zero", _other_zero),
     "torques of two joints exchanged": ("joint torques: order", _torques_exchanged),
     "velocities zero, or in degrees": ("joint velocities: agreement", _other_velocities),
 }

@@ -6,6 +6,7 @@ from contactsense.setup_check.fit import Fit
 from contactsense.setup_check.setup import SCALED, Free, Kind, Setup
 
 _TOLERANCE: dict[Kind, float] = {
+    "zero": np.radians(2.0),
     "tilt": np.radians(1.0),
     "mass": 0.15,
     "com": 0.02,
@@ -38,6 +39,8 @@ def tolerance(group: Free, setup: Setup) -> float:
 
 def _change(group: Free, a: Setup, b: Setup) -> float:
     """Size of the change of a parameter [rad, kg, m, s; of a scale its logarithm]."""
+    if group.kind == "zero":
+        return float(np.abs(np.subtract(b.angle_zero, a.angle_zero)).max())
     if group.kind == "tilt":
         return float(np.arccos(np.clip(a.gravity @ b.gravity / (a.gravity @ a.gravity), -1.0, 1.0)))
     if group.kind == "mass":

@@ -229,15 +229,21 @@ def _judged(fitter: Fitter, scene: Scene, now: Fit, candidate: Candidate) -> Fin
     distinct = [found for found in fits if matters(now.setup, found)]
     other = min((-_gain(fitter, now, found) for found in distinct), default=None)
     verdict: Verdict = "fits"
-    remark, std = "", ()
+    remark = ""
+    std: tuple[float, ...] = ()
     if candidate.hypothesis.free:
         # Where there is no tool, it has no centre of mass.
         free = candidate.hypothesis.free if now.setup.mass > 0.0 or line != "tool" else (Free("mass"),)
         here = fitter.fit(now.setup, free, steps=0)
         std = tuple(here.std.tolist())
-        limits = [tolerance(name, now.setup) for name in here.free for _ in range(name.size)]
-        if np.any(here.std > limits):
+        each = [group for group in here.free for _ in range(group.size)]
+        wide = [
+            group for group, spread in zip(each, std, strict=True) if spread > tolerance(group, now.setup)
+        ]
+        if wide:
+            names = [fitter.joint_names[group.joint] for group in wide if group.joint is not None]
             verdict, remark = "cannot_tell", "not determined by this motion"
+            remark = f"{', '.join(names)}: {remark}" if names else remark
     if verdict == "fits" and other is not None and other < EXCLUDED:
         verdict = "cannot_tell"
         remark = "another value fits as well"

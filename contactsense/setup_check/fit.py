@@ -38,12 +38,12 @@ _SMALLEST_SIGMA = 0.1
 _WEIGHTINGS = 4
 _STEPS = 6
 _STEP_LIMIT: dict[Kind, float] = {
-    "tilt": 0.5, "mass": 10.0, "com": 0.3, "turn": 0.5, "shift": 0.3, "delay": 0.03,
+    "zero": 0.3, "tilt": 0.5, "mass": 10.0, "com": 0.3, "turn": 0.5, "shift": 0.3, "delay": 0.03,
     "force": 0.7, "moment": 0.7, "wrench": 0.7, "gain": 0.7,
 }  # fmt: skip
 """Largest change of a parameter in one iteration."""
 _PRIOR: dict[Kind, float] = {
-    "tilt": 1.0, "mass": 20.0, "com": 0.5, "turn": 1.0, "shift": 0.5, "delay": 0.1,
+    "zero": 1.0, "tilt": 1.0, "mass": 20.0, "com": 0.5, "turn": 1.0, "shift": 0.5, "delay": 0.1,
     "force": 1.0, "moment": 1.0, "wrench": 1.0, "gain": 1.0,
 }  # fmt: skip
 """Scale of each parameter, far beyond what can be expected; a prior about the last iterate."""
@@ -331,9 +331,9 @@ class _Solved:
     """First of the six values of each force/torque sensor's bias."""
 
 
-def _motion(setup: Setup) -> tuple[str, float, Order]:
+def _motion(setup: Setup) -> tuple[str, float, Order, tuple[float, ...]]:
     """What of a setup decides how the motion is understood."""
-    return setup.robot, setup.angle_unit, setup.angle_order
+    return setup.robot, setup.angle_unit, setup.angle_order, setup.angle_zero
 
 
 def _bordered(

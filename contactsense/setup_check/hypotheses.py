@@ -17,6 +17,7 @@ from contactsense.setup_check.lines import sensor_lines
 from contactsense.setup_check.order_hypotheses import angle_orders, torque_orders
 from contactsense.setup_check.scale_hypotheses import sensor_scales, torque_scales
 from contactsense.setup_check.setup import Free, Setup
+from contactsense.setup_check.zero_hypotheses import angle_zeros
 
 TORQUE_CONSTANT = 10.0
 """Torque per current where neither scene nor arm states it [Nm/A]: that of the UR10e's joints is 8.5 to 10.7.
@@ -68,7 +69,7 @@ class Hypotheses:
             found.append(Hypothesis("robot", tuple(robots)))
         if setup.angle_unit == 1.0 and units:
             found.append(Hypothesis("joint positions: unit", tuple(units)))
-        return [*found, *angle_orders(setup)]
+        return [*found, *angle_orders(setup), *angle_zeros(setup)]
 
     def _mounting(self, setup: Setup) -> Hypothesis:
         size = float(np.linalg.norm(setup.gravity))
@@ -92,7 +93,9 @@ class Hypotheses:
         if self._scene.tool is not None:
             found.append(Hypothesis("tool.mass", (("", setup),), (mass,)))
             if setup.mass > 0.0:
-                found.append(Hypothesis("tool.com", (("", setup),), (com,)))
+                # One in centimetres is too far away for the steps of a fit.
+                near = replace(setup, com=np.zeros(3))
+                found.append(Hypothesis("tool.com", (("", setup), ("", near)), (com,)))
         return [*found, Hypothesis("tool", (("", some),), (mass, com))]
 
     def _torques(self, setup: Setup) -> list[Hypothesis]:
@@ -124,10 +127,11 @@ class Hypotheses:
         exchanged = setup.with_sensor(field, order=swap @ sensor.order)
         frames = tuple(changed(rotation=sensor.rotation @ turn) for turn in turns)
         delays = tuple(changed(delay=sensor.delay + late) for late in _DELAYS)
+        places = changed(), changed(translation=np.zeros(3))
         found = {
             "sign": Hypothesis("", (changed(sign=-sensor.sign),)),
             "rpy": Hypothesis("", frames, (Free("turn", field),)),
-            "translation": Hypothesis("", (("", setup),), (Free("shift", field),)),
+            "translation": Hypothesis("", places, (Free("shift", field),)),
             "delay": Hypothesis("", delays, (Free("delay", field),)),
             "order of axes": Hypothesis("", _reordered(field, setup)),
             "force and moment": Hypothesis("", (("the moment comes first", exchanged),)),

@@ -7,10 +7,11 @@ from contactsense.setup_check.setup import BASE
 Line = str
 """A field of the scene by its path, or, with a colon, a property of the signals that no field states."""
 VELOCITIES: Line = "joint velocities: agreement"
+ZEROS: Line = "joint positions: zero"
 FROZEN_TORQUES: Line = "joint torques: frozen values"
 _ARM: tuple[Line, ...] = (
-    "robot", "joint positions: unit", "joint positions: order", VELOCITIES, "mounting", "tool", "tool.mass",
-    "tool.com",
+    "robot", "joint positions: unit", "joint positions: order", ZEROS, VELOCITIES, "mounting", "tool",
+    "tool.mass", "tool.com",
 )  # fmt: skip
 
 

@@ -80,24 +80,33 @@ class MotionBasis:
         return terms + self.joint_dynamics if with_inertia else terms
 
 
+_LATEST = 4
+"""Terms that are kept where joints have other zeros: a fit returns to the latest, and then moves on."""
+_Motion = tuple[str, float, Order, tuple[float, ...]]
+
+
 class MotionBases:
-    """The terms of one motion for several arms, and units and orders of the joint positions, worked out when
-    needed."""
+    """The terms of one motion for several arms, and units, orders and zeros of the joint positions, worked
+    out when needed."""
 
     def __init__(self, scenes: Mapping[str, Scene], recordings: list[FreeMotion]) -> None:
         """`scenes`: by name of the arm."""
         self._scenes, self._recordings = scenes, recordings
-        self._known: dict[tuple[str, float, Order], MotionBasis] = {}
+        self._known: dict[_Motion, MotionBasis] = {}
 
-    def of(self, robot: str, unit: float, order: Order) -> MotionBasis:
-        """Terms for that arm, if joint positions are in `unit` [rad] and in this order."""
-        if (robot, unit, order) not in self._known:
+    def of(self, robot: str, unit: float, order: Order, zero: tuple[float, ...]) -> MotionBasis:
+        """Terms for that arm, if joint positions are in `unit` [rad] and in this order, and `zero` [rad] is
+        added to them."""
+        motion = robot, unit, order, zero
+        if motion not in self._known:
             moved = [
-                replace(part, q=unit * in_order(part.q, order), qd=unit * in_order(part.qd, order))
+                replace(part, q=unit * in_order(part.q, order) + zero, qd=unit * in_order(part.qd, order))
                 for part in self._recordings
             ]
-            self._known[robot, unit, order] = MotionBasis.of(self._scenes[robot], moved)
-        return self._known[robot, unit, order]
+            self._known[motion] = MotionBasis.of(self._scenes[robot], moved)
+            for old in [known for known in self._known if any(known[3])][:-_LATEST]:
+                del self._known[old]
+        return self._known[motion]
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from contactsense.setup_check.hypotheses import (
     signed_permutations,
     torque_constants,
 )
-from contactsense.setup_check.lines import FROZEN_TORQUES, Line, sensor_of, torque_scale
+from contactsense.setup_check.lines import FROZEN_TORQUES, ZEROS, Line, sensor_of, torque_scale
 from contactsense.setup_check.scale_hypotheses import torque_remark, unit_remark
 from contactsense.setup_check.setup import Order, SensorSetup, Setup
 
@@ -47,6 +47,8 @@ def written(line: Line, setup: Setup, scene: Scene) -> tuple[str, str]:
         return sign if own else {"by_actuator": "on_arm", "on_arm": "by_actuator"}[sign], ""
     if line.endswith("positions: order"):
         return _places(setup.angle_order), ""
+    if line == ZEROS:
+        return _zeros(setup, scene), ""
     if line == "joint torques: order":
         return _places(setup.torque_order), ""
     if line == FROZEN_TORQUES:
@@ -92,6 +94,14 @@ def _sensor(line: Line, setup: SensorSetup) -> str:
 def _places(order: Order) -> str:
     """Which value as read is that of each joint."""
     return " ".join(str(place) for place in order)
+
+
+def _zeros(setup: Setup, scene: Scene) -> str:
+    """The joints with another zero, and what must be added to their positions as read."""
+    degrees = [round(float(np.degrees(angle)), 1) for angle in setup.angle_zero]
+    changed = zip(scene.robot.joints, degrees, strict=True)
+    parts = [f"{joint.name} {angle:+g} degrees" for joint, angle in changed if angle != 0.0]
+    return ", ".join(parts) or "as read"
 
 
 def _torque_scale(setup: Setup, scene: Scene) -> tuple[str, str]:

@@ -70,7 +70,8 @@ def sensor_scales(field: str, setup: Setup) -> list[Hypothesis]:
 
 
 def torque_scales(scene: Scene, setup: Setup, moving: np.ndarray) -> list[Hypothesis]:
-    """The joint torques of another scale, all or those of one joint, or values that do not follow them.
+    """The joint torques of another scale, one for all, one each or that of one joint; or values that do not
+    follow them.
 
     `moving`: which joints move, shape (n,): a joint at rest may hold any torque up to its Coulomb friction,
     so nothing is said about it alone.
@@ -78,7 +79,11 @@ def torque_scales(scene: Scene, setup: Setup, moving: np.ndarray) -> list[Hypoth
     line = torque_scale(scene)
     scales = [("", replace(setup, gain=scale * setup.gain)) for scale in (1.0, *TORQUE_UNITS.values())]
     found = [Hypothesis(line, tuple(scales), (Free("gain"),))]
-    for joint in np.flatnonzero(moving & (setup.gain != 0.0)).tolist():
+    joints = np.flatnonzero(moving & (setup.gain != 0.0)).tolist()
+    if len(joints) > 1:
+        each = tuple(Free("gain", joint=joint) for joint in joints)
+        found.append(Hypothesis(line, (("", setup),), each, special=True))
+    for joint in joints:
         free = (Free("gain", joint=joint),)
         found.append(Hypothesis(line, (("", setup),), free, special=True, joint=joint))
         silent = setup.gain.copy()

@@ -17,9 +17,10 @@ from contactsense.scene import JointTorqueSensor, Scene, WrenchSensor
 from contactsense.scene_model.link_sensors import mounts
 from contactsense.sensors.settings import Meaning
 
-Kind = Literal["tilt", "mass", "com", "turn", "shift", "delay", "force", "moment", "wrench", "gain"]
+Kind = Literal["zero", "tilt", "mass", "com", "turn", "shift", "delay", "force", "moment", "wrench", "gain"]
 """A kind of continuous parameters:
 
+- `zero`: of one joint: what is added to its position as read [rad];
 - `tilt`: direction of gravity, about the two base axes that change it most [rad];
 - `mass`, `com`: of the tool [kg, m];
 - `turn`, `shift`: of a force/torque sensor: its rotation vector [rad] and displacement [m], in the axes of
@@ -29,7 +30,7 @@ Kind = Literal["tilt", "mass", "com", "turn", "shift", "delay", "force", "moment
 - `gain`: the same of the joint torques, of all or of one joint.
 """
 SIZES: dict[Kind, int] = {
-    "tilt": 2, "mass": 1, "com": 3, "turn": 3, "shift": 3, "delay": 1,
+    "zero": 1, "tilt": 2, "mass": 1, "com": 3, "turn": 3, "shift": 3, "delay": 1,
     "force": 1, "moment": 1, "wrench": 1, "gain": 1,
 }  # fmt: skip
 """Number of parameters of each kind."""
@@ -137,6 +138,8 @@ class Setup:
     """What the joint torque signal contains."""
     angle_order: Order
     """Of the joint positions and velocities."""
+    angle_zero: tuple[float, ...]
+    """What is added to each joint position, in the arm's order [rad]."""
     torque_order: Order
     """Of the joint torques."""
 
@@ -159,6 +162,7 @@ class Setup:
             meaning=torque.contains,
             angle_order=plain_order(len(scene.robot.joints)),
             torque_order=plain_order(len(scene.robot.joints)),
+            angle_zero=(0.0,) * len(scene.robot.joints),
         )
 
     def with_robot(self, scene: Scene) -> Self:
@@ -172,7 +176,11 @@ class Setup:
         for group in free:
             part = step[first : first + group.size]
             first += group.size
-            if group.kind == "tilt":
+            if group.kind == "zero":
+                zero = np.array(changed.angle_zero)
+                zero[slice(None) if group.joint is None else group.joint] += part[0]
+                changed = replace(changed, angle_zero=tuple(zero.tolist()))
+            elif group.kind == "tilt":
                 turn = Rotation.from_rotvec(part @ horizontal(changed.gravity))
                 changed = replace(changed, gravity=turn.apply(changed.gravity))
             elif group.kind == "mass":

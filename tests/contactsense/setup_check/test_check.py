@@ -1,5 +1,6 @@
 """A scene is checked against simulated and real motion: the wrong line is named, a right one never."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -86,6 +87,35 @@ def test_torques_that_are_too_large_are_no_signal_that_a_scene_could_state() -> 
     found = check(scene, [replace(case.recording, torque=10.0 * case.recording.torque)])
     assert not [item.line for item in found.wrong if item.proposed == item.stated]
     assert "joint_torque.signal" not in [item.line for item in found.wrong]
+
+
+def test_a_centre_of_mass_in_centimetres_is_no_wrong_mass() -> None:
+    """The fit did not come back from so far away, and the tool was said to have no mass."""
+    case = right_setup("ur5e", 1, DRAWN)
+    tool = case.scene.tool
+    assert tool is not None
+    far = tool.model_copy(update={"com": tuple(100.0 * x for x in tool.com)})
+    (item,) = check(case.scene.model_copy(update={"tool": far}), [case.recording]).wrong
+    assert item.line == "tool.com"
+    assert item.proposed is not None
+    assert json.loads(item.proposed) == pytest.approx(tool.com, abs=0.01)
+
+
+def test_torque_constants_that_all_differ_are_all_estimated() -> None:
+    """Three of them were, and the others kept the scene's value."""
+    case = right_setup("ur5e", 1, DRAWN)
+    sensor, torque = case.scene.joint_torque, case.recording.torque
+    assert sensor is not None
+    assert sensor.torque_constants is not None
+    assert torque is not None
+    factors = np.array([1.2, 0.8, 1.3, 0.6, 1.0, 1.0])
+    stated = sensor.model_copy(update={"signal": "actual_current"})
+    scene = case.scene.model_copy(update={"joint_torque": stated})
+    (item,) = check(scene, [replace(case.recording, torque=factors * torque)]).wrong
+    assert item.line == "joint_torque.torque_constants"
+    assert item.proposed is not None
+    right = np.array(sensor.torque_constants) / factors
+    np.testing.assert_allclose(json.loads(item.proposed)[:4], right[:4], rtol=0.1)
 
 
 @pytest.mark.parametrize(("mass", "factor"), [(5.0, 1.0), (0.5, 2.0), (0.1, 10.0)])
