@@ -18,8 +18,9 @@ MAX_CANDIDATES = 8
 class Candidates(NamedTuple):
     """Candidate contacts of one measurement, one per row. `order` lists the valid rows. Base frame.
 
-    If the line of action is known, row p belongs to primitive p. If it is not, rows are filled in the
-    order in which candidates are found, and a primitive may have several.
+    Row p belongs to primitive p in the search along the line of action; candidates at unmodelled places take
+    rows that are free. The other searches fill rows in the order in which candidates are found, and a
+    primitive may have several.
     """
 
     order: Annotated[Integers, "candidates"]

@@ -7,8 +7,8 @@ If the fused wrench determines a line of action, the search on each primitive st
 torques and of the base wrench, prior of force and torsion, and the width of the posterior
 (`contactsense.solvers.posterior.equations`). So does "none of these": a wrench that is not caused
 by a single push on a touchable link, but by a pull, a couple, several contacts, or a touch on a link that the
-scene leaves out. If the line of action is known, so do touches at places that the primitives do not model
-(`contactsense.localization.unmodelled_places`).
+scene leaves out. If a single contact is sought and the line of action is known, so do touches at places that
+the primitives do not model (`contactsense.localization.unmodelled_places`).
 """
 
 import math
@@ -52,6 +52,7 @@ def locate_contacts(
     wrench_measured: bool,
     prior: Prior,
     arrays: SearchArrays,
+    has_unmodelled_places: bool,
     link_probability: np.ndarray,
 ) -> int:
     """Find and rank all candidate contacts on all links.
@@ -64,6 +65,8 @@ def locate_contacts(
         wrench_measured: Whether all six components of the wrench were measured.
         prior: Prior of contacts.
         arrays: `candidates` is filled; its `order` lists the ranked candidates.
+        has_unmodelled_places: Whether touches at places that the primitives do not model compete, if the line
+            of action is known.
         link_probability: Filled: probability that each link is touched, shape (links,). One minus their
             sum is the probability of "none of these".
 
@@ -119,7 +122,7 @@ def locate_contacts(
         best = _add_log_prior(candidates, count, cells.unassigned_evidence, log_share)
         if best >= none_evidence or is_touch_left_out:
             break
-    if line_of_action_known:
+    if line_of_action_known and has_unmodelled_places:
         count = add_unmodelled_places(
             scene, searched, motion, hypotheses, prior, arrays, none_evidence, best, count
         )

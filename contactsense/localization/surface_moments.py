@@ -24,7 +24,7 @@ SMALLEST_MOMENT = 1e-3
 
 
 class SurfaceMoments(NamedTuple):
-    """Probability, mean and covariance of the place of a touch on a part of each link's surface."""
+    """Log probability, mean and covariance of the place of a touch on a part of each link's surface."""
 
     log_weight: Annotated[Floats, "links"]
     """Log of the prior probability of a touch there; minus infinity on links without such a surface."""
@@ -67,7 +67,8 @@ def evidence_of_touch(
     Args:
         moments: The surfaces.
         link: Link of the surface.
-        R, o: Orientation and origin of the link, base frame.
+        R: Rotation from the link's to the base frame, shape (3, 3).
+        o: Origin of the link, base frame, shape (3,) [m].
         force: Force that the measurement suggests, base axes [N].
         hypotheses: One fused wrench per link, see `contactsense.isolation.link_hypotheses.isolate`.
         prior: Prior of contacts.

@@ -1,9 +1,11 @@
 """Candidates for a touch at a place that the primitives do not model.
 
-The line of action is known, the real normal is not. So the place is at one of the samples near the line, and
-the more probable, the more unmodelled places there are and the less the real normal must be tilted for the
-force to push. A line that passes the link by has no such place. Neighbouring samples form one candidate. Its
-normal is that of the primitive, tilted as far as the force asks for.
+The line of action is known, the real normal is not. So the place is on the line, near one of the samples of
+the surface. A sample is the more probable, the more unmodelled places there are about it and the less the
+real normal must be tilted for the force to push. A line that passes the link by has no such place.
+
+Samples that are near each other along the line form one candidate, on the line. Its normal is that of the
+best sample, tilted as far as the force asks for.
 """
 
 import math
@@ -17,7 +19,6 @@ from contactsense.localization.line_distance import moment_variance
 from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
 from contactsense.localization.surface_cells import SurfaceCells
 from contactsense.robots.jit.kernel import fused_kernel
-from contactsense.robots.surface.convex_primitives import project
 from contactsense.robots.vectors import (
     Vector,
     add,
@@ -36,8 +37,13 @@ from contactsense.solvers.posterior.contact_prior import Prior
 
 STEEP_TILT = 1.0
 """Standard deviation of the angle between the inward normal and the force at unmodelled places [rad]."""
-CLUSTER_RADIUS = 0.03
-"""Samples that are nearer to the best one than this form one candidate with it [m]."""
+_ANGLE = np.linspace(0.0, np.pi, 2001)
+MEAN_OVER_DIRECTIONS = float(
+    np.trapezoid(np.exp(-0.5 * (_ANGLE / STEEP_TILT) ** 2) * 0.5 * np.sin(_ANGLE), _ANGLE)
+)
+"""Mean of exp(-1/2 (angle / STEEP_TILT)^2) over forces of all directions."""
+CLUSTER_LENGTH = 0.03
+"""Samples that are nearer to the best one than this along the line form one candidate with it [m]."""
 LEAST_SHARE = 0.05
 """Clusters with a smaller share of a link's touches get no candidate."""
 LEAST_LOG_WEIGHT = -30.0
@@ -61,7 +67,7 @@ def add_unmodelled_candidates(
         scene, motion, hypotheses, prior: As in `contactsense.localization.ranking.locate_contacts`.
         arrays: `cells.unassigned_evidence` holds the log evidence for places that are normal variables. It is
             replaced by that for places at samples, as far as no candidate has it.
-        link: The link.
+        link: The link; its fused force is not zero.
         least_evidence: There are no candidates if the log evidence is less.
         count: Number of candidates so far.
 
@@ -72,11 +78,13 @@ def add_unmodelled_candidates(
     first, last, total, correction = _weigh_samples(scene, motion, hypotheses, prior, cells, link)
     evidence = cells.unassigned_evidence[link] + correction
     rest = 1.0
-    while total > 0.0 and evidence > least_evidence and count < candidates.order.shape[0]:
+    while evidence > least_evidence and count < candidates.order.shape[0]:
         best = first
         for s in range(first, last):
             if cells.score[s - first] > cells.score[best - first]:
                 best = s
+        if not cells.score[best - first] > 0.0:
+            break
         row = _free_row(candidates, count)
         share = _build(scene, motion, hypotheses, prior, arrays, link, best, row) / total
         if share < LEAST_SHARE:
@@ -108,12 +116,12 @@ def _weigh_samples(
     first = samples.start[surfaces.start[link]]
     last = samples.start[surfaces.start[link + 1]]
     force, moment, variance = _in_link_frame(scene, motion, hypotheses, prior, link)
-    F = norm(force)
+    direction = scale(1.0 / norm(force), force)
     greatest, prior_weight = -math.inf, 0.0
     for s in range(first, last):
         offset = _offset_of_line(vector(samples.point[s]), force, moment)
         squared = variance + samples.spread[s] * samples.spread[s]
-        angle = math.acos(max(-1.0, min(1.0, -dot(force, vector(samples.normal[s])) / F)))
+        angle = math.acos(max(-1.0, min(1.0, -dot(direction, vector(samples.normal[s])))))
         own = math.exp(samples.log_share[s]) * samples.tilt[s] * samples.tilt[s]
         prior_weight += own
         log_weight = math.log(own) if own > 0.0 else -math.inf
@@ -122,21 +130,21 @@ def _weigh_samples(
         )
         cells.score[s - first] = log_weight
         greatest = max(greatest, log_weight)
+    if greatest == -math.inf:
+        return first, first, 0.0, -math.inf
     total = 0.0
     for s in range(first, last):
         relative = cells.score[s - first] - greatest
         cells.score[s - first] = math.exp(relative) if relative > LEAST_LOG_WEIGHT else 0.0
         total += cells.score[s - first]
-    if not total > 0.0:
-        return first, last, 0.0, -math.inf
+    evidence = greatest + math.log(total / (prior_weight * MEAN_OVER_DIRECTIONS))
     offset = _offset_of_line(vector(moments.centre[link]), force, moment)
-    a, b = tangents(scale(1.0 / F, force))
+    a, b = tangents(direction)
     C = moments.covariance[link]
     caa, cab, cbb = _product(C, a, a) + variance, _product(C, a, b), _product(C, b, b) + variance
     x, y, determinant = dot(offset, a), dot(offset, b), caa * cbb - cab * cab
     energy = 0.5 * (cbb * x * x - 2.0 * cab * x * y + caa * y * y) / determinant
-    normal_variable = -energy - 0.5 * math.log(determinant)
-    return first, last, total, greatest + math.log(total / prior_weight) - normal_variable
+    return first, last, total, evidence + energy + 0.5 * math.log(determinant)
 
 
 @fused_kernel
@@ -161,13 +169,15 @@ def _in_link_frame(
     scene: SearchedSurface, motion: Motion, hypotheses: Hypotheses, prior: Prior, link: int
 ) -> tuple[Vector, Vector, float]:
     """Fused force [N] and moment [Nm] in the frame of a link, and the variance of the distance between line
-    and surface along each direction across the line [m^2]."""
+    of action and contact along each direction across the line [m^2]: that of the line at the centre of the
+    unmodelled places, of the surface and of the torsion."""
     body = scene.depth[link]
     R, o = motion.rotation[body], vector(motion.origin[body])
     w = hypotheses.wrench[link]
     force, about_base = (w[0], w[1], w[2]), (w[3], w[4], w[5])
     moment = subtract(about_base, cross(o, force))
-    variance = moment_variance(hypotheses.covariance[link], o[0], o[1], o[2]) / (2.0 * dot(force, force))
+    x, y, z = add(o, rotate(R, vector(scene.unmodelled.centre[link])))
+    variance = moment_variance(hypotheses.covariance[link], x, y, z) / (2.0 * dot(force, force))
     variance += prior.surface_deviation**2 + prior.torsion_lever**2
     return rotate_back(R, force), rotate_back(R, moment), variance
 
@@ -184,47 +194,43 @@ def _build(
     row: int,
 ) -> float:
     """Write the candidate around sample `best` to a row; returns the weight of its samples, which then have
-    none."""
+    none.
+
+    Across the line of action the covariance of the place is that of the line; along the line it is that of
+    the samples.
+    """
     surfaces, samples = scene.surfaces, scene.samples
     cells, candidates = arrays.cells, arrays.candidates
-    p = samples.primitive[best]
     first, last = samples.start[surfaces.start[link]], samples.start[surfaces.start[link + 1]]
+    force, moment, across = _in_link_frame(scene, motion, hypotheses, prior, link)
+    direction = scale(1.0 / norm(force), force)
     centre = vector(samples.point[best])
-    total, mean = 0.0, (0.0, 0.0, 0.0)
+    total, first_moment, second_moment = 0.0, 0.0, 0.0
     for s in range(first, last):
-        offset = subtract(vector(samples.point[s]), centre)
-        if cells.score[s - first] > 0.0 and dot(offset, offset) < CLUSTER_RADIUS * CLUSTER_RADIUS:
-            total += cells.score[s - first]
-            mean = add(mean, scale(cells.score[s - first], offset))
-    mean = scale(1.0 / total, mean)
+        weight = cells.score[s - first]
+        distance = dot(subtract(vector(samples.point[s]), centre), direction)
+        if weight > 0.0 and abs(distance) < CLUSTER_LENGTH:
+            total += weight
+            first_moment += weight * distance
+            second_moment += weight * distance * distance
+            cells.score[s - first] = 0.0
+    mean = first_moment / total
+    along = max(second_moment / total - mean * mean, 0.0) + samples.spread[best] * samples.spread[best]
+    place = add(add_scaled(centre, mean, direction), _offset_of_line(centre, force, moment))
+    about = subtract(moment, cross(place, force))
+    normal = least_tilted(vector(samples.normal[best]), force, 2.0 * prior.friction_ratio)
     body = scene.depth[link]
     R, o = motion.rotation[body], vector(motion.origin[body])
-    place, normal = _on_primitive(scene, p, add(centre, mean))
-    w = hypotheses.wrench[link]
-    force = (w[0], w[1], w[2])
-    place, normal = (
-        add(o, rotate(R, place)),
-        least_tilted(rotate(R, normal), force, 2.0 * prior.friction_ratio),
-    )
-    C = candidates.covariance[row]
-    spread = samples.spread[best]
-    for i in range(3):
-        for k in range(3):
-            C[i, k] = spread * spread if i == k else 0.0
-    for s in range(first, last):
-        offset = subtract(vector(samples.point[s]), centre)
-        if cells.score[s - first] > 0.0 and dot(offset, offset) < CLUSTER_RADIUS * CLUSTER_RADIUS:
-            d = rotate(R, subtract(offset, mean))
-            share = cells.score[s - first] / total
-            for i in range(3):
-                for k in range(3):
-                    C[i, k] += share * d[i] * d[k]
-            cells.score[s - first] = 0.0
-    candidates.primitive[row] = p
-    candidates.torsion[row] = 0.0
+    candidates.primitive[row] = samples.primitive[best]
+    candidates.torsion[row] = dot(about, normal)
+    place, normal, line = add(o, rotate(R, place)), rotate(R, normal), rotate(R, direction)
     for i in range(3):
         candidates.point[row, i], candidates.normal[row, i] = place[i], normal[i]
-        candidates.force[row, i] = force[i]
+        candidates.force[row, i] = hypotheses.wrench[link, i]
+        for k in range(3):
+            candidates.covariance[row, i, k] = (along - across) * line[i] * line[k]
+            if i == k:
+                candidates.covariance[row, i, k] += across
     return total
 
 
@@ -237,8 +243,7 @@ def least_tilted(normal: Vector, force: Vector, friction: float) -> Vector:
         force: Force on the surface, not zero [N].
         friction: Coefficient of friction.
     """
-    F = norm(force)
-    inward = scale(-1.0 / F, force)
+    inward = scale(-1.0 / norm(force), force)
     along = dot(normal, inward)
     cosine = 1.0 / math.sqrt(1.0 + friction * friction)
     if along >= cosine:
@@ -247,16 +252,6 @@ def least_tilted(normal: Vector, force: Vector, friction: float) -> Vector:
     length = norm(across)
     direction = scale(1.0 / length, across) if length > 1e-9 else tangents(inward)[0]
     return add(scale(cosine, inward), scale(friction * cosine, direction))
-
-
-@fused_kernel
-def _on_primitive(scene: SearchedSurface, p: int, place: Vector) -> tuple[Vector, Vector]:
-    """Point of the surface of primitive p nearest to a place, and its outward normal, link frame [m]."""
-    surfaces = scene.surfaces
-    R, o = surfaces.rotation[p], vector(surfaces.origin[p])
-    x, y, z = rotate_back(R, subtract(place, o))
-    _, px, py, pz, nx, ny, nz = project(surfaces.kind[p], surfaces.size[p], x, y, z)
-    return add(o, rotate(R, (px, py, pz))), rotate(R, (nx, ny, nz))
 
 
 @fused_kernel

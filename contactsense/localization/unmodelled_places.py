@@ -17,6 +17,7 @@ from contactsense.localization.searched_surface import SearchArrays, SearchedSur
 from contactsense.localization.surface_moments import evidence_of_touch
 from contactsense.localization.unmodelled_candidates import add_unmodelled_candidates
 from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.robots.vectors import dot
 from contactsense.solvers.posterior.contact_prior import Prior
 from contactsense.solvers.posterior.mode import ENERGY_CUTOFF
 
@@ -62,8 +63,10 @@ def add_unmodelled_places(
         if searched[link] == 0 or not bound >= best - ENERGY_CUTOFF:
             continue
         w = hypotheses.wrench[link]
-        R, o = motion.rotation[depth[link]], motion.origin[depth[link]]
         force = (w[0], w[1], w[2])
+        if not dot(force, force) > 0.0:
+            continue
+        R, o = motion.rotation[depth[link]], motion.origin[depth[link]]
         unassigned[link] = evidence_of_touch(
             scene.unmodelled, link, R, o, force, hypotheses, prior, arrays.buffers
         )

@@ -25,7 +25,8 @@ MIN_CANDIDATE_PROBABILITY = 1e-3
 
 class SingleContactSearch(NamedTuple):
     """What the search for one contact needs besides hypotheses; fields as the arguments of
-    `contactsense.localization.ranking.locate_contacts`."""
+    `contactsense.localization.ranking.locate_contacts`. It is without unmodelled places: they have no mode
+    from which the joint search for several contacts could start."""
 
     scene: SearchedSurface
     motion: Motion
@@ -56,7 +57,7 @@ def locate_further_contact(
         energy = _link_hypotheses(measurement, scale, seeding)
         found = locate_contacts(
             scene, scene.touchable, motion, seeding.hypotheses, wrench_measured, prior, arrays,
-            seeding.link_probability,
+            False, seeding.link_probability,
         )  # fmt: skip
         if found > 0 or known_count == 0:
             # Without known contacts, none means that no single contact explains the measurement.

@@ -122,6 +122,7 @@ def explain_sample(
         has_base,
         constants.prior,
         arrays,
+        True,
         state.link_probability,
     )
     if has_base:

@@ -1,12 +1,21 @@
 """Touches at places that the primitives do not model."""
 
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.integrate import quad
+from scipy.stats import multivariate_normal
 
 from contactsense import Localizer, Scene
-from contactsense.localization.unmodelled_candidates import least_tilted
+from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
+from contactsense.localization.unmodelled_candidates import (
+    STEEP_TILT,
+    add_unmodelled_candidates,
+    least_tilted,
+)
 from contactsense.robots.link_poses import link_poses
 from contactsense.scene_model.constants import build_constants
 from contactsense.scene_model.unmodelled_places import SHARE_PER_SQUARED_TILT
@@ -72,21 +81,92 @@ def _samples(localizer: Localizer, link: int) -> tuple[np.ndarray, np.ndarray]:
     return samples.point[rows] @ R.T + o.T, samples.normal[rows] @ R.T
 
 
-@pytest.mark.parametrize("link", [UPPER_ARM, FOREARM, WRIST_3])
-def test_a_force_that_no_primitive_explains_is_on_its_link(localizer: Localizer, link: int) -> None:
-    """Ribs a centimetre above the steepest places are pushed from the side: the line of action grazes the
-    primitives or misses them."""
-    chance, errors = np.random.default_rng(0), []
+def _rib_pushes(localizer: Localizer, link: int) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Places of ribs a centimetre above the steepest places of a link, and what a push from the side
+    measures: the line of action grazes the primitives or misses them."""
+    chance = np.random.default_rng(0)
     points, normals = _samples(localizer, link)
     for place, normal in zip(points[:8], normals[:8], strict=True):
         along = np.cross(normal, chance.standard_normal(3))
         force = 20.0 * (along / np.linalg.norm(along) + 0.1 * normal)
-        base, torque = _push(link, force, place + 0.01 * normal)
+        rib = place + 0.01 * normal
+        yield rib, *_push(link, force, rib)
+
+
+@pytest.mark.parametrize("link", [UPPER_ARM, FOREARM, WRIST_3])
+def test_a_force_that_no_primitive_explains_is_on_its_link(localizer: Localizer, link: int) -> None:
+    errors = []
+    for rib, base, torque in _rib_pushes(localizer, link):
         estimate = localizer.locate(Q, base_wrench=base, joint_torque=torque)
         assert np.argmax(estimate.link_probability) == link
         assert estimate.contacts[0].link_index == link
-        errors.append(min(np.linalg.norm(contact.point_base - place) for contact in estimate.contacts))
+        listed = sum(contact.probability for contact in estimate.contacts)
+        assert listed <= estimate.link_probability.sum() + 1e-9 <= 1.0 + 1e-6
+        errors.append(np.linalg.norm(estimate.contacts[0].point_base - rib))
     assert np.median(errors) < 0.03
+
+
+def _steepness(angle: np.ndarray | float) -> np.ndarray:
+    return np.exp(-0.5 * np.square(angle / STEEP_TILT))
+
+
+def test_the_evidence_is_that_of_the_samples(localizer: Localizer) -> None:
+    """Sum over all samples of a link, against that of the normal variable of the same moments; and all
+    candidates are on the line of action."""
+    for link in (UPPER_ARM, FOREARM, WRIST_3):
+        for _, base, torque in _rib_pushes(localizer, link):
+            localizer.locate(Q, base_wrench=base, joint_torque=torque)
+            constants, state = localizer._buffers.constants, localizer._buffers.state
+            scene = SearchedSurface(
+                constants.surfaces, constants.samples, constants.surface_blocks, constants.subsamples,
+                constants.deviations, constants.touchable, constants.left_out, constants.unmodelled,
+                constants.sensors.depth,
+            )  # fmt: skip
+            arrays = SearchArrays(state.search_buffers, state.surface_cells, state.candidates)
+            state.surface_cells.unassigned_evidence[link] = 3.0
+            count = add_unmodelled_candidates(
+                scene, state.motion, state.hypotheses, constants.prior, arrays, link, -1e9, 0
+            )
+            rows = state.candidates.order[:count]
+            scores = state.candidates.score[rows]
+            fused = np.array(state.hypotheses.wrench[link])
+            for place in state.candidates.point[rows]:
+                rest = fused[3:] - np.cross(place, fused[:3])
+                np.testing.assert_allclose(np.cross(fused[:3], rest), 0.0, atol=1e-9)
+            found = np.logaddexp.reduce([*scores, state.surface_cells.unassigned_evidence[link]])
+
+            pose = link_poses(EXACT.robot, Q[None])[0, link]
+            R, o, samples, moments = pose[:3, :3], pose[:3, 3], constants.samples, constants.unmodelled
+            f, F = R.T @ fused[:3], np.linalg.norm(fused[:3])
+            m = R.T @ (fused[3:] - np.cross(o, fused[:3]))
+            centre = o + R @ moments.centre[link]
+            J = np.hstack([np.cross(np.eye(3), centre), np.eye(3)])
+            variance = np.trace(J @ np.array(state.hypotheses.covariance[link]) @ J.T) / (2.0 * F * F)
+            variance += constants.prior.surface_deviation**2 + constants.prior.torsion_lever**2
+            plane = np.linalg.svd(f[None])[2][1:]
+            line = plane @ np.cross(f, m) / (F * F)
+            own = constants.surfaces.link[samples.primitive] == link
+            share = np.exp(samples.log_share[own]) * samples.tilt[own] ** 2
+            density = np.array(
+                [
+                    multivariate_normal(plane @ c, (variance + spread**2) * np.eye(2)).pdf(line)
+                    for c, spread in zip(samples.point[own], samples.spread[own], strict=True)
+                ]
+            )
+            angle = np.arccos(np.clip(-samples.normal[own] @ f / F, -1.0, 1.0))
+            over_sphere = quad(lambda a: 0.5 * np.sin(a) * np.exp(-0.5 * (a / STEEP_TILT) ** 2), 0.0, np.pi)[
+                0
+            ]
+            favour = np.exp(-0.5 * (angle / STEEP_TILT) ** 2) / over_sphere
+            spread = plane @ moments.covariance[link] @ plane.T + variance * np.eye(2)
+            expected = 3.0 + np.log(share @ (density * favour) / share.sum())
+            expected -= multivariate_normal(plane @ moments.centre[link], spread).logpdf(line)
+            assert found == pytest.approx(expected, abs=1e-5)
+
+
+def test_with_one_error_for_the_whole_surface_there_are_none() -> None:
+    constants = build_constants(EXACT.model_copy(update={"surface_error": 0.001}))
+    assert np.isneginf(constants.unmodelled.log_weight).all()
 
 
 def test_a_push_on_a_plain_face_keeps_its_certainty(localizer: Localizer) -> None:
