@@ -18,6 +18,7 @@ from contactsense.service.reactions.decision import Decision
 from contactsense.service.reactions.engine import Engine
 from contactsense.service.reactions.executor_client import ExecutorClient
 from contactsense.service.reactions.health import ActionHealth
+from contactsense.service.reactions.lowered_slider import RECIPE, LoweredSlider, as_percent
 from contactsense.service.reactions.rtde_inputs import RtdeInputs
 from contactsense.service.reactions.rules import RTDE_PORT, ReactionRules
 from contactsense.types import Estimate, Sample
@@ -29,11 +30,6 @@ _BLIND = 0.1
 """Time without an estimate after which the degraded bit is set [s]."""
 _RESTORE = 1.0
 """Longest wait for the service to send the collisions latched before this process started [s]."""
-_SAME_FRACTION = 0.005
-"""Largest difference of two readings of the slider, which people set in steps of 1 %."""
-_FREE = 1.0
-"""Time without contact after which the slider that an earlier process has lowered is raised [s]: a force that
-still acts is found before."""
 
 
 class ReactionListener:
@@ -46,15 +42,15 @@ class ReactionListener:
         self._health = {name: ActionHealth(type=action.type) for name, action in rules.actions.items()}
         self._reports: deque[dict[str, Any]] = deque(maxlen=REPORTS)
         self._registers, self._registers_name = _only(rules, RegistersAction)
-        self._slider, self._slider_name = _only(rules, SpeedSliderAction)
-        self._inputs = self._open_inputs(host)
+        slider, self._slider_name = _only(rules, SpeedSliderAction)
+        self._inputs = self._open_inputs(host, slider)
+        self._slider = None
+        if slider is not None and self._inputs is not None:
+            self._slider = LoweredSlider(slider, self._inputs)
         executed = {n: a for n, a in rules.actions.items() if isinstance(a, ExecutedAction)}
         self._executor = ExecutorClient(executed, host or "")
         self._decision: Decision | None = None
-        self._slider_due: float | None = None  # fraction that the controller does not have yet
-        # Fraction set by an earlier process, which did not see the end of the level.
-        self._left_low: float | None = None
-        self._free_since: float | None = None  # on the robot's clock
+        self._reported_lowered: float | None = None
         self._beat = False
         self._estimated = False
         self._degraded = True
@@ -77,9 +73,9 @@ class ReactionListener:
         if decisions or self._decision is not None:
             self._write()
             self._carry_out(decisions)
-        if self._left_low is not None:
-            self._raise_slider(estimate)
-        if decisions:
+        if self._slider is not None:
+            self._tell_of_slider(self._slider.watch(estimate, self._lowers_slider))
+        if decisions or self._lowered != self._reported_lowered:
             self._report_state()  # at once: a latch and a lowered slider must survive any later failure
 
     def tick(self, now: float) -> None:
@@ -96,12 +92,13 @@ class ReactionListener:
             self._inputs.poll(now)
             self._read_inputs()
             self._note_connection()
-            self._write_slider()
+            if self._slider is not None:
+                self._slider.write()
             if self._registers is not None and now - self._last_write >= self._registers.period - 0.001:
                 self._write()
         for result in self._executor.poll(now):
             self._note(result["action"], result["ok"], result["reason"], result["took"])
-        if now - self._last_report >= _REPORT_EVERY:
+        if now - self._last_report >= _REPORT_EVERY or self._lowered != self._reported_lowered:
             self._report_state()
 
     def take_reports(self) -> list[dict[str, Any]]:
@@ -121,7 +118,8 @@ class ReactionListener:
             self.withdraw(message.get("name"))
         elif kind == "restore":
             self._restore([Decision(**{k: _tupled(v) for k, v in d.items()}) for d in message["decisions"]])
-            self._left_low = None if self._slider is None else message.get("lowered")
+            if self._slider is not None:
+                self._slider.find(message.get("lowered"))
         else:
             return
         self._report_state(answer=message.get("id"))
@@ -172,15 +170,15 @@ class ReactionListener:
         if self._inputs is not None:
             self._inputs.close()
 
-    def _open_inputs(self, host: str | None) -> RtdeInputs | None:
+    def _open_inputs(self, host: str | None, slider: SpeedSliderAction | None) -> RtdeInputs | None:
         recipes: dict[str, Sequence[str]] = {}
         if self._registers is not None:
             recipes["registers"] = self._registers.names
-        if self._slider is not None:
-            recipes["speed_slider"] = SLIDER
+        if slider is not None:
+            recipes[RECIPE] = SLIDER
         inputs = self._rules.inputs
         outputs = [name for name in (inputs.acknowledge, inputs.announce) if name is not None]
-        if self._slider is not None:
+        if slider is not None:
             outputs.append(SLIDER_READING)
         if host is None or not (recipes or outputs):
             return None
@@ -222,16 +220,7 @@ class ReactionListener:
                 self._health[name].started += 1
                 self._note(name, ready and self._health[name].state != "failing", self._health[name].error)
         elif isinstance(action, SpeedSliderAction):
-            value = action.fraction if begins else action.restore
-            # While another level wants the arm to be slow, the end of this one changes nothing.
-            held = not begins and self._lowers_slider
-            if value is not None and not held and self._inputs is not None:
-                self._health[name].started += 1
-                self._slider_due = value
-                self._write_slider()
-                written = self._slider_due is None
-                error = self._health[name].error or "not connected"
-                self._note(name, written, f"set to {_percent(value)}" if written else error)
+            self._move_slider(begins)
         elif begins and isinstance(action, WebhookAction):
             self._health[name].started += 1
             self._reports.append({"type": "webhook", "action": name, "decision": decision.as_dict()})
@@ -240,6 +229,27 @@ class ReactionListener:
             problem = self._executor.start(name, decision.as_dict(), self._now)
             if problem:
                 self._note(name, False, problem)
+
+    def _move_slider(self, begins: bool) -> None:
+        # While another level wants the arm to be slow, the end of this one changes nothing.
+        if self._slider is None or (not begins and self._lowers_slider):
+            return
+        if begins:
+            self._slider.lower()
+        elif not self._slider.end():
+            self._tell_of_slider(self._slider.raise_left())  # of a latch that was restored
+            return
+        health = self._health[self._slider_name]
+        health.started += 1
+        written = self._slider.write()
+        if written is None:
+            self._note(self._slider_name, False, health.error or "not connected")
+        else:
+            self._note(self._slider_name, True, f"set to {as_percent(written)}")
+
+    def _tell_of_slider(self, words: str) -> None:
+        if words:
+            self._report_event(ContactEvent(kind="action", t=self._t, action=self._slider_name, reason=words))
 
     def _read_inputs(self) -> None:
         assert self._inputs is not None
@@ -262,7 +272,7 @@ class ReactionListener:
     def _note_connection(self) -> None:
         """Set the state of registers and speed slider from the state of their connection."""
         assert self._inputs is not None
-        for name, recipe in ((self._registers_name, "registers"), (self._slider_name, "speed_slider")):
+        for name, recipe in ((self._registers_name, "registers"), (self._slider_name, RECIPE)):
             if name:
                 health, before = self._health[name], self._health[name].error
                 health.error = self._inputs.error or self._inputs.refused.get(recipe, "")
@@ -279,40 +289,7 @@ class ReactionListener:
         """After a lost connection the controller may have restarted. Once the level has ended, the slider
         belongs to whoever has moved it since."""
         if self._slider is not None and self._lowers_slider:
-            self._slider_due = self._slider.fraction
-
-    def _raise_slider(self, estimate: Estimate) -> None:
-        """Raise the slider that an earlier process has lowered, once this one knows that no force acts; a
-        level that is active raises it at its end."""
-        assert self._slider is not None
-        if self._lowers_slider:
-            self._left_low = None
-        elif estimate.status != "none":
-            self._free_since = None
-        elif self._free_since is None or estimate.t < self._free_since:
-            self._free_since = estimate.t
-        elif estimate.t - self._free_since >= _FREE and self._inputs is not None and self._inputs.ready:
-            self._restore_slider()
-
-    def _restore_slider(self) -> None:
-        """Raise the slider, unless somebody has moved it since the earlier process ended."""
-        assert self._slider is not None
-        assert self._inputs is not None
-        left, found, restore = self._left_low, self._inputs.values.get(SLIDER_READING), self._slider.restore
-        if left is None or found is None:
-            return
-        self._left_low = None
-        if restore is None:
-            words = f"left at {_percent(left)} by an earlier process, and stays there: no restore is stated"
-        elif abs(found - left) > _SAME_FRACTION:
-            words = (
-                f"left at {_percent(left)} by an earlier process; somebody has set {_percent(found)} since"
-            )
-        else:
-            self._slider_due = restore
-            self._write_slider()
-            words = f"done: raised to {_percent(restore)}; an earlier process had left it at {_percent(left)}"
-        self._report_event(ContactEvent(kind="action", t=self._t, action=self._slider_name, reason=words))
+            self._slider.lower()
 
     @property
     def _lowers_slider(self) -> bool:
@@ -321,16 +298,8 @@ class ReactionListener:
 
     @property
     def _lowered(self) -> float | None:
-        """Fraction to which the slider is lowered, by this process or an earlier one; None: it is not."""
-        if self._slider is not None and self._lowers_slider:
-            return self._slider.fraction
-        return self._left_low
-
-    def _write_slider(self) -> None:
-        """Write the fraction that is due, if there is one and the controller can take it now."""
-        assert self._inputs is not None
-        if self._slider_due is not None and self._inputs.write("speed_slider", (1, self._slider_due)):
-            self._slider_due = None
+        """Fraction of the slider that is to be raised; None: nothing is."""
+        return None if self._slider is None else self._slider.lowered
 
     def _note(self, name: str, ok: bool, reason: str, took: float | None = None) -> None:
         """Record the result of an action for health and journal."""
@@ -345,7 +314,7 @@ class ReactionListener:
         self._reports.append({"type": "event", "event": event.model_dump()})
 
     def _report_state(self, started: bool = False, answer: str | None = None) -> None:
-        self._last_report = self._now
+        self._last_report, self._reported_lowered = self._now, self._lowered
         self._reports.append(
             {
                 "type": "reactions",
@@ -362,10 +331,6 @@ class ReactionListener:
 
 def _only(rules: ReactionRules, kind: type[_A]) -> tuple[_A | None, str]:
     return next(((a, n) for n, a in rules.actions.items() if isinstance(a, kind)), (None, ""))
-
-
-def _percent(fraction: float) -> str:
-    return f"{100.0 * fraction:.3g} %"
 
 
 def _updated(decision: Decision, estimate: Estimate) -> Decision:

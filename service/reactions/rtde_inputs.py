@@ -54,7 +54,7 @@ class RtdeInputs:
         self.refused: dict[str, str] = {}
         """Name of a recipe that cannot be written -> why."""
         self.values: dict[str, wire.Number] = {}
-        """Output field -> its latest value."""
+        """Output field -> its latest value in this connection."""
         self.writes = 0
         """Number of packets written."""
 
@@ -102,6 +102,7 @@ class RtdeInputs:
             self._socket.close()
         self._socket, self._connected = None, False
         self._granted, self._output, self._asked = {}, None, []
+        self.values.clear()  # what they are after the next connection is not known
         # The next connection asks for all recipes.
         self.refused, self._ask_again_at = {}, float("inf")
 

@@ -335,6 +335,122 @@ def test_a_slider_that_an_earlier_process_has_lowered_is_raised_once_no_force_ac
             second.listener.close()
 
 
+def test_registers_of_another_client_do_not_keep_the_slider_low() -> None:
+    """All inputs had to be granted, those of the registers too."""
+    with rtde_server() as server:
+        other = RtdeInputs("127.0.0.1", server.port, {"a": ["input_int_register_47"]})
+        _poll_until(other, lambda: other.ready)
+        server.controller.set_output("target_speed_fraction", (0.1,))
+        made = Play(server)
+        try:
+            made.listener.command({"type": "restore", "decisions": [], "lowered": 0.1})
+            made.until(lambda: "target_speed_fraction" in made.listener._inputs.values)  # type: ignore[union-attr]
+            made.until(lambda: made.events("action"))
+            for t in (0.0, 1.1):
+                made.step(estimate(t))
+            made.until(lambda: made.inputs.get("speed_slider_fraction") == (1.0,))
+            assert "raised to 100 %" in made.events("action")[-1]["reason"]
+        finally:
+            made.listener.close()
+            other.close()
+
+
+def test_a_reading_of_before_a_lost_connection_decides_nothing() -> None:
+    outputs = ["target_speed_fraction"]
+    with rtde_server() as server:
+        inputs = RtdeInputs("127.0.0.1", server.port, {}, outputs)
+        _poll_until(inputs, lambda: outputs[0] in inputs.values)
+    _poll_until(inputs, lambda: bool(inputs.error))
+    assert not inputs.values
+    inputs.close()
+
+
+def test_a_slider_is_low_until_its_raise_is_written_and_never_before_it_was_lowered() -> None:
+    """A process that ended in between left it low for ever, or said that somebody had moved it."""
+    with rtde_server() as server:
+        made = Play(server)
+        made.step(estimate(0.0, contact(newtons=20.0)))
+        assert made.state()["lowered"] is None
+        made.step(estimate(0.1))
+        made.until(lambda: made.code() == 0)
+        assert "speed_slider_fraction" not in made.inputs, "raised, although it had not been lowered"
+        made.step(estimate(0.2, contact(newtons=20.0)))
+        made.until(lambda: made.inputs.get("speed_slider_fraction") == (0.1,))
+        assert made.state()["lowered"] == 0.1
+    try:
+        made.until(lambda: made.state()["actions"]["slow"]["state"] == "failing")
+        made.step(estimate(0.3))
+        assert made.state()["lowered"] == 0.1
+        with rtde_server(port=server.port) as again:
+            made.inputs = again.controller.inputs
+            made.until(lambda: made.inputs.get("speed_slider_fraction") == (1.0,))
+            assert made.state()["lowered"] is None
+    finally:
+        made.listener.close()
+
+
+def test_a_raised_slider_is_reported_at_once() -> None:
+    """A process that ended within the next 0.25 s had the next one say that somebody had moved it."""
+    with rtde_server() as server:
+        server.controller.set_output("target_speed_fraction", (0.1,))
+        made = Play(server)
+        try:
+            made.listener.command({"type": "restore", "decisions": [], "lowered": 0.1})
+            made.until(made.slider_is_read)
+            made.step(estimate(0.0))
+            assert made.state()["lowered"] == 0.1
+            made.reports.clear()
+            made.step(estimate(1.1))
+            assert made.state()["lowered"] is None
+        finally:
+            made.listener.close()
+
+
+def test_a_level_without_restore_that_ends_before_the_connection_is_not_written_later() -> None:
+    """The slider was lowered after the level had ended, and stayed low."""
+    actions = {"slow": {"type": "speed_slider", "fraction": 0.1}, "tell": {"type": "registers"}}
+    with rtde_server() as server:
+        made = Play(server, {**RULES, "actions": actions})
+        try:
+            made.step(estimate(0.0, contact(newtons=20.0)))
+            made.step(estimate(0.1))
+            made.until(lambda: made.code() == 0 and made.slider_is_read())
+            made.listener.tick(time.monotonic())
+            assert "speed_slider_fraction" not in made.inputs
+        finally:
+            made.listener.close()
+
+
+@pytest.mark.parametrize(
+    ("reads", "told"),
+    [(0.1, "done: raised to 100 %; an"), (0.3, "left at 10 % by an earlier process; somebody has set 30 %")],
+)
+def test_a_restored_latch_raises_the_slider_as_soon_as_it_is_acknowledged(reads: float, told: str) -> None:
+    """It was raised even where somebody had moved it."""
+    rules = {**RULES, "rules": [{**RULES["rules"][0], "collision": {"force": 50.0, "actions": ["slow"]}}]}
+    begin = {
+        "rule": "arm", "level": "collision", "kind": "begin", "actions": ["slow"], "t": 0.0,
+        "probability": 1.0, "contact": 1, "link": "forearm", "link_index": 3, "point": [0, 0, 0],
+        "point_base": [0, 0, 0], "force_base": [0, 0, 1], "force": 1.0,
+    }  # fmt: skip
+    with rtde_server() as server:
+        server.controller.set_output("target_speed_fraction", (reads,))
+        made = Play(server, rules)
+        try:
+            made.listener.command({"type": "restore", "decisions": [begin], "lowered": 0.1})
+            made.until(made.slider_is_read)
+            for t in (0.0, 2.0):
+                made.step(estimate(t))
+            assert made.state()["lowered"] == 0.1
+            made.listener.command({"type": "acknowledge", "rule": None})
+            made.until(lambda: made.state()["lowered"] is None)
+            assert made.events("action")[-1]["reason"].startswith(told)
+            if reads == 0.1:
+                made.until(lambda: made.inputs.get("speed_slider_fraction") == (1.0,))
+        finally:
+            made.listener.close()
+
+
 def test_a_latch_whose_rule_is_gone_is_told_and_dropped() -> None:
     with rtde_server() as server:
         made = Play(server)
