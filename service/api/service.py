@@ -34,7 +34,7 @@ from contactsense.service.live.loading import OnLoading
 from contactsense.service.live.locate_process import LocateError, LocateProcess, StaticSample
 from contactsense.service.live.pipeline_process import ListenerFactory, Source, utc_now
 from contactsense.service.live.supervisor import Runner
-from contactsense.service.reactions.latch_store import LatchStore
+from contactsense.service.reactions.reaction_store import ReactionStore
 from contactsense.service.reactions.rules import ReactionRules, RulesError
 from contactsense.service.reactions.state import Reactions
 from contactsense.service.reactions.webhook_delivery import WebhookDelivery
@@ -66,8 +66,8 @@ class Service:
         """Events; open while the service runs."""
         self.webhooks: WebhookDelivery
         """Waiting webhooks; delivered while the service runs."""
-        self.latches: LatchStore
-        """Latched collisions in the journal's file; open while the service runs."""
+        self.reaction_store: ReactionStore
+        """Latched collisions and a lowered slider in the journal's file; open while the service runs."""
         rules = self._load_rules(self.scene)
         check_robot_address(settings, rules)
         try:
@@ -111,10 +111,10 @@ class Service:
         self.journal = Journal(self._settings.events)
         self.webhooks = WebhookDelivery(self.journal, self.reactions.webhooks, self._note_webhook)
         self.webhooks.start()
-        self.latches = LatchStore(self.journal)
-        self.reactions.on_latched = self.latches.save
-        self.reactions.on_lowered = self.latches.save_lowered
-        self.reactions.restore(self.latches.load(), self.latches.load_lowered())
+        self.reaction_store = ReactionStore(self.journal)
+        self.reactions.on_latched = self.reaction_store.save
+        self.reactions.on_lowered = self.reaction_store.save_lowered
+        self.reactions.restore(self.reaction_store.load(), self.reaction_store.load_lowered())
         self.runner.others = self._troubles
         loading = loop.create_task(self._load())
         self.runner.start()
@@ -140,7 +140,7 @@ class Service:
             await self.ports.stop()
             await self.runner.stop()
             await self.webhooks.stop()
-            await asyncio.to_thread(self.latches.close)
+            await asyncio.to_thread(self.reaction_store.close)
             self.journal.close()
 
     def _handle_report(self, report: dict[str, Any]) -> None:

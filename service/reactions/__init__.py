@@ -2,6 +2,7 @@
 
 In the pipeline's process, `listener` gives each estimate to the `engine`, which evaluates the `rules` and
 returns a `decision`; `rtde_inputs` writes registers at once. Slow actions go through `executor_client` to the
-`executor`, a process of its own. In the service, `state` shows what the listener reports, `latch_store` keeps
-latched collisions, and `webhook_delivery` sends webhooks. `actions` has one file for each kind of action.
+`executor`, a process of its own. In the service, `state` shows what the listener reports, `reaction_store`
+keeps latched collisions and a lowered speed slider, and `webhook_delivery` sends webhooks. `actions` has one
+file for each kind of action.
 """

@@ -11,7 +11,7 @@ from contactsense.service.api.app import create_app
 from contactsense.service.api.settings import Settings
 from contactsense.service.events.journal import Journal, JournalSettings
 from contactsense.service.reactions.decision import Decision
-from contactsense.service.reactions.latch_store import LatchStore
+from contactsense.service.reactions.reaction_store import ReactionStore
 from contactsense.service.viewer.live_source import LiveSource
 from contactsense.service.viewer.service_calls import ServiceCalls
 from tests.browser import require_browser
@@ -48,7 +48,7 @@ def cell(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Cell]:
     """The viewer shows the button or not, as the test asks."""
     require_browser()
     journal = Journal(JournalSettings(path=tmp_path / "events.db"))
-    store = LatchStore(journal)
+    store = ReactionStore(journal)
     store.save([COLLISION.as_dict()])
     store.close()
     journal.close()

@@ -13,7 +13,7 @@ from contactsense.service.events.journal import Journal
 log = logging.getLogger("contactsense")
 
 
-class LatchStore:
+class ReactionStore:
     """Stores the decisions that began the latched collisions, one for each rule, and the slider's fraction.
 
     Args:
@@ -23,7 +23,7 @@ class LatchStore:
     def __init__(self, journal: Journal) -> None:
         self._journal = journal
         # One thread: keeps the order of writes, and callers do not wait for the file.
-        self._writer = ThreadPoolExecutor(1, "latches")
+        self._writer = ThreadPoolExecutor(1, "reactions")
 
     def load(self) -> list[dict[str, Any]]:
         """Return the decisions that were latched when the service last ran, in the form of

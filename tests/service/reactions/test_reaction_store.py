@@ -1,4 +1,4 @@
-"""Latched collisions in the journal's file, and what the service makes of them."""
+"""Latched collisions and a lowered slider in the journal's file, and what the service makes of them."""
 
 import sqlite3
 from pathlib import Path
@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from contactsense.service.events.journal import Journal, JournalSettings
-from contactsense.service.reactions.latch_store import LatchStore
+from contactsense.service.reactions.reaction_store import ReactionStore
 from contactsense.service.reactions.rules import ReactionRules
 from contactsense.service.reactions.state import Reactions
 
@@ -40,12 +40,12 @@ def report(*active: dict[str, Any], restored: bool = True) -> dict[str, Any]:
 def test_what_is_saved_last_is_found_by_the_next_service(tmp_path: Path) -> None:
     settings = JournalSettings(path=tmp_path / "events.db")
     with Journal(settings) as journal:
-        store = LatchStore(journal)
+        store = ReactionStore(journal)
         store.save([latch("a")])
         store.save([latch("b"), latch("c")])
         store.close()
     with Journal(settings) as journal:
-        store = LatchStore(journal)
+        store = ReactionStore(journal)
         assert [found["rule"] for found in store.load()] == ["b", "c"]
         store.save([])
         store.close()
@@ -55,7 +55,7 @@ def test_what_is_saved_last_is_found_by_the_next_service(tmp_path: Path) -> None
 def test_it_is_in_the_file_at_once(tmp_path: Path) -> None:
     path = tmp_path / "events.db"
     with Journal(JournalSettings(path=path)) as journal:
-        store = LatchStore(journal)
+        store = ReactionStore(journal)
         store.save([latch()])
         store.close()
         with sqlite3.connect(path) as other:  # as after a kill: nothing has been closed in order
@@ -69,7 +69,7 @@ def test_the_next_service_knows_that_the_slider_is_lowered(tmp_path: Path) -> No
     sent: list[dict[str, Any]] = []
     for lowered, expected in ((0.1, None), (0.3, 0.1), (None, 0.3), (None, None)):
         with Journal(settings) as journal:
-            store = LatchStore(journal)
+            store = ReactionStore(journal)
             reactions = Reactions(SLOW, "192.0.2.1", lambda command: sent.append(command) is None)
             reactions.on_lowered = store.save_lowered
             reactions.restore(store.load(), store.load_lowered())
@@ -87,11 +87,11 @@ def test_a_slider_that_no_action_raises_any_more_is_told_once(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     with Journal(JournalSettings(path=tmp_path / "events.db")) as journal:
-        store = LatchStore(journal)
+        store = ReactionStore(journal)
         store.save_lowered(0.1)
         store.close()
         assert store.load_lowered() == 0.1
-        again = LatchStore(journal)
+        again = ReactionStore(journal)
         reactions = Reactions(RULES, "192.0.2.1", lambda command: True)
         reactions.on_lowered = again.save_lowered
         reactions.restore([], again.load_lowered())
