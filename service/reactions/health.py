@@ -27,8 +27,9 @@ class ReactionsHealth(BaseModel):
     latched: int = Field(0, description="Collisions that have not been acknowledged.")
     lowered: float | None = Field(
         None,
-        description="Fraction to which the speed slider is lowered: by a level that is active, or by one "
-        "that was when the service last ended; null: it is not lowered.",
+        description="Fraction to which a level has lowered the speed slider: one that is active, has ended "
+        "without a connection, or was active when the service last ended; null: no level has anything to "
+        "raise. An action without restore leaves the slider low, with null, when its level ends.",
     )
     actions: dict[str, ActionHealth] = {}
 

@@ -82,7 +82,6 @@ class Reactions:
     ) -> None:
         self._robot_host, self._robot_port, self._send = robot_host, robot_port, send
         self.rules: ReactionRules | None = None
-        self.replace(rules)
         self._report: dict[str, Any] = {"active": [], "expected": [], "actions": {}}
         self._latched: list[dict[str, Any]] = []
         self._lowered: float | None = None
@@ -93,9 +92,11 @@ class Reactions:
         self._answers: dict[str, asyncio.Event] = {}
         self._numbers = itertools.count(1)
         self._webhook_health: dict[str, ActionHealth] = {}
+        self.replace(rules)
 
     def replace(self, rules: ReactionRules | None) -> None:
-        """Replace the rules. Latched collisions stay latched if their rule still has that level.
+        """Replace the rules. Latched collisions stay latched if their rule still has that level; a lowered
+        speed slider is raised if an action still moves it.
 
         Raises:
             RulesError: An action needs the robot's address, and there is none; nothing has changed.
@@ -114,15 +115,19 @@ class Reactions:
         self.rules, self._host = rules, host
         for text in () if rules is None else rules.missing:
             log.warning("reactions: %s", text)
+        if self._lowered is not None and self._slider is None:
+            log.warning("reactions: the speed slider is at %.3g %%: %s", 100.0 * self._lowered, self._after)
+            self._set_lowered(None)
 
     def restore(self, decisions: Sequence[dict[str, Any]], lowered: float | None = None) -> None:
         """Restore the collisions that were latched when the service last ran, and the fraction to which it
         had lowered the speed slider, None: it had not; call before the pipeline starts."""
         self._latched, self._lowered = list(decisions), lowered
         if lowered is not None:
-            after = "it is raised once no force acts" if self._has_slider else "no action raises it any more"
-            log.warning("the service ended with the speed slider at %.0f %%: %s", 100.0 * lowered, after)
-            if not self._has_slider:  # a person must raise it, and nothing here sees when
+            log.warning(
+                "the service ended with the speed slider at %.3g %%: %s", 100.0 * lowered, self._after
+            )
+            if self._slider is None:
                 self._set_lowered(None)
         self._report = {**self._report, "active": list(decisions)}
         for found in decisions if self.rules is not None else ():
@@ -138,10 +143,20 @@ class Reactions:
         return partial(make_listener, rules=self.rules, host=self._host)
 
     @property
-    def _has_slider(self) -> bool:
-        """Whether an action moves the speed slider."""
+    def _slider(self) -> SpeedSliderAction | None:
+        """The action that moves the speed slider. Without one a person must raise it, and nothing here sees
+        when."""
         found = {} if self.rules is None else self.rules.actions
-        return any(isinstance(action, SpeedSliderAction) for action in found.values())
+        return next((action for action in found.values() if isinstance(action, SpeedSliderAction)), None)
+
+    @property
+    def _after(self) -> str:
+        """What becomes of a speed slider that is low."""
+        if self._slider is None:
+            return "no action raises it any more"
+        if self._slider.restore is None:
+            return "it stays there, as its action has no restore"
+        return "it is raised once no force acts, unless somebody has moved it"
 
     @property
     def webhooks(self) -> dict[str, WebhookAction]:
@@ -156,6 +171,8 @@ class Reactions:
             return
         # One that has not been told yet does not know what the process before has left.
         lowered = self._lowered if report["lowered"] is None and not report["restored"] else report["lowered"]
+        if self._slider is None:  # of a process that still has the rules of before
+            lowered = None
         if lowered != self._lowered:
             self._set_lowered(lowered)
         if not report["restored"]:  # its latches are not complete yet

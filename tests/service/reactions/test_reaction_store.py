@@ -100,6 +100,41 @@ def test_a_slider_that_no_action_raises_any_more_is_told_once(
     assert "the speed slider at 10 %: no action raises it any more" in caplog.text
 
 
+@pytest.mark.parametrize("rules", [RULES, None], ids=["no slider", "no rules"])
+def test_a_reload_that_no_longer_raises_the_slider_tells_it_once_and_forgets_it(
+    rules: ReactionRules | None, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The listener of the new rules reported that nothing was lowered; without rules nobody reported it."""
+    reactions = Reactions(SLOW, "192.0.2.1", lambda command: True)
+    saved: list[float | None] = []
+    reactions.on_lowered = saved.append
+    reactions.handle_report({**report(), "lowered": 0.1})
+    reactions.replace(SLOW)
+    assert "slider" not in caplog.text
+    assert reactions.health().lowered == 0.1
+    reactions.replace(rules)
+    reactions.handle_report({**report(), "lowered": 0.1})  # by the process that is being replaced
+    assert saved == [0.1, None]
+    assert caplog.text.count("the speed slider is at 10 %: no action raises it any more") == 1
+
+
+@pytest.mark.parametrize(
+    ("restore", "after"),
+    [
+        (1.0, "raised once no force acts, unless somebody has moved it"),
+        (None, "as its action has no restore"),
+    ],
+)
+def test_what_becomes_of_the_slider_is_told_at_the_start(
+    restore: float | None, after: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    slow = {"type": "speed_slider", "fraction": 0.1, "restore": restore}
+    rules = ReactionRules.model_validate({**SLOW.model_dump(by_alias=True), "actions": {"slow": slow}})
+    Reactions(rules, "192.0.2.1", lambda command: True).restore([], 0.1)
+    assert "the service ended with the speed slider at 10 %: it " in caplog.text
+    assert after in caplog.text
+
+
 def test_saved_when_it_changes_and_sent_to_each_new_process() -> None:
     sent: list[dict[str, Any]] = []
     saved: list[list[dict[str, Any]]] = []

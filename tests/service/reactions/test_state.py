@@ -5,11 +5,15 @@ from typing import Any
 
 import pytest
 
+from contactsense.service.reactions.actions.speed_slider import SpeedSliderAction
 from contactsense.service.reactions.rules import ReactionRules
 from contactsense.service.reactions.state import Reactions
 
 RULES = ReactionRules.model_validate(
     {"rules": [{"name": name, "links": ["any"], "collision": {"force": 50.0}} for name in ("old", "new")]}
+)
+SLOW = RULES.model_copy(
+    update={"actions": {"slow": SpeedSliderAction(type="speed_slider", fraction=0.1, restore=1.0)}}
 )
 
 
@@ -46,7 +50,7 @@ def test_latches_of_before_and_of_a_new_process_are_listed_once_each_until_it_ha
 
 def test_a_new_process_is_told_that_the_one_before_has_lowered_the_slider() -> None:
     sent: list[dict[str, Any]] = []
-    reactions = Reactions(RULES, None, lambda command: sent.append(command) or True)  # type: ignore[func-returns-value]
+    reactions = Reactions(SLOW, "192.0.2.1", lambda command: sent.append(command) or True)  # type: ignore[func-returns-value]
     reactions.handle_report(report(restored=True, lowered=0.1))
     reactions.handle_report(report(restored=False, started=True))
     # It ends before it has been told.
