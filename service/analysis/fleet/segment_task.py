@@ -15,6 +15,7 @@ from contactsense.scene import Scene
 from contactsense.sensors.timing import LONGEST_FIRST_STEP
 from contactsense.service.analysis.analysis import AnalysisRun
 from contactsense.service.analysis.contact_table import contact_table
+from contactsense.service.analysis.fleet.named_within import named_within
 from contactsense.service.analysis.fleet.segments import Segment
 from contactsense.service.analysis.friction_residuals import FrictionResiduals
 from contactsense.service.analysis.present_sensors import absent_sensors, without_sensors
@@ -67,8 +68,7 @@ def run_segment(task: SegmentTask) -> dict[str, Any]:
             run = _run(task.scene, task.parts, absent)
         result, table = _analyze(recording, segment, run)
     except RecordingError as error:
-        # As in all other lines, the recording is named within the dataset: reports are passed on.
-        reason = str(error).replace(str(segment.file.path), segment.file.name)
+        reason = named_within(str(error), segment.file.path, segment.file.name)
         result, table = {"problem": reason}, contact_table([])
     result |= {
         "name": segment.file.name,

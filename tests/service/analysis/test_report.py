@@ -17,6 +17,7 @@ from contactsense.service.analysis import Analysis
 from contactsense.service.analysis import analyze as run_analysis
 from contactsense.service.analysis.contact_summary import millimetres
 from contactsense.service.analysis.health import warning
+from contactsense.service.analysis.report import _code
 from contactsense.service.analysis.residual_statistics import ResidualSummary
 from contactsense.service.cli.analyze import analyze
 from contactsense.service.recordings.metadata import metadata
@@ -47,6 +48,18 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert result.exit_code == 0, result.output
     (folder / "result.json").write_text(result.stdout)
     return folder
+
+
+@pytest.mark.parametrize(
+    ("message", "html"),
+    [
+        ("a < b & `c` `", "a &lt; b &amp; <code>c</code> `"),
+        ("`<b>` of `x & y`", "<code>&lt;b&gt;</code> of <code>x &amp; y</code>"),
+        ("`` and <i>", "`` and &lt;i&gt;"),
+    ],
+)
+def test_commands_in_messages_are_code_and_nothing_else_is_markup(message: str, html: str) -> None:
+    assert _code(message) == html
 
 
 def test_all_files_are_written(folder: Path) -> None:
