@@ -32,15 +32,15 @@ from contactsense.robots.surroundings import Body
 from contactsense.robots.tool import Tool
 from contactsense.robots.units import within_one_turn
 from contactsense.robots.yaml_fields import read_fields
-from contactsense.sensors.arm_limits import in_this_arm, within_the_joints
-from contactsense.sensors.field_checks import carried_by, has_no_former_field, has_one_per_joint
-from contactsense.sensors.link_checks import (
+from contactsense.scene_checks import (
     are_among,
     are_between_links,
     fit_the_cell,
     has_surface,
     has_weights,
 )
+from contactsense.sensors.arm_limits import in_this_arm, within_the_joints
+from contactsense.sensors.field_checks import carried_by, has_no_former_field, has_one_per_joint
 from contactsense.sensors.settings import JointTorqueSensor, LinkInertia, LinkWrenchSensor, WrenchSensor
 
 if TYPE_CHECKING:

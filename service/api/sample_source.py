@@ -20,7 +20,7 @@ READERS = (
 _REACTIONS_TOO = ("robot_host", "robot_port")
 """Settings by which reactions find the robot, unless their rules have its address."""
 _VARIABLES = ("wrist_fields", "link_wrenches")
-"""Those of them that have no option."""
+"""Those of `READERS` that have no option."""
 
 
 def open_source(settings: Settings, scene: Scene) -> Callable[[Scene], LiveSource | PushSource] | None:

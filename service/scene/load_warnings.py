@@ -13,8 +13,8 @@ from contactsense.sensors.settings import WrenchSensor, per_joint
 _OTHER_MASS = 2.0
 """A link whose mass differs from the robot's data by more than this factor is another link."""
 _OTHER_UNIT = 10.0
-"""A link whose largest principal moment differs from the robot's data by more than this factor has it in
-another unit."""
+"""A link whose largest principal moment differs from the robot's data by more than this factor is
+probably in another unit."""
 
 
 def load_warnings(scene: Scene) -> Iterator[str]:
@@ -52,7 +52,10 @@ def tensor_warnings(scene: Scene) -> Iterator[str]:
         try:
             check_principal_moments(stated.inertia.tensor)
         except ValueError as error:
-            yield f"inertia.{link.name}.tensor: {error}; only `contactsense calibrate --links` may state such"
+            yield (
+                f"inertia.{link.name}.tensor: {error}; only `contactsense calibrate --links` may write such "
+                "a tensor"
+            )
             continue
         own, known = (float(np.linalg.eigvalsh(i.tensor)[2]) for i in (stated.inertia, link.inertia))
         if own > 0.0 and known > 0.0 and not 1.0 / _OTHER_UNIT < own / known < _OTHER_UNIT:
