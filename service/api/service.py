@@ -29,6 +29,7 @@ from contactsense.service.controllers.robot_program import NewestEstimate, Robot
 from contactsense.service.controllers.robot_program_servers import RobotProgramServers
 from contactsense.service.events.journal import Journal, JournalError
 from contactsense.service.events.model import ContactEvent
+from contactsense.service.events.open_contacts import OpenContacts
 from contactsense.service.live.hub import Hub
 from contactsense.service.live.loading import OnLoading
 from contactsense.service.live.locate_process import LocateError, LocateProcess, StaticSample
@@ -64,6 +65,7 @@ class Service:
         self.clips = clips.Clips(settings.recording, lambda command: self.runner.send(command))
         self.journal: Journal
         """Events; open while the service runs."""
+        self._contacts: OpenContacts
         self.webhooks: WebhookDelivery
         """Waiting webhooks; delivered while the service runs."""
         self.reaction_store: ReactionStore
@@ -109,6 +111,8 @@ class Service:
         """Run the service: start the pipeline, load the kernels, and handle SIGHUP."""
         loop = asyncio.get_running_loop()
         self.journal = Journal(self._settings.events)
+        self._contacts = OpenContacts(self.journal)
+        self._end_contacts("the service")
         self.webhooks = WebhookDelivery(self.journal, self.reactions.webhooks, self._note_webhook)
         self.webhooks.start()
         self.reaction_store = ReactionStore(self.journal)
@@ -116,6 +120,7 @@ class Service:
         self.reactions.on_lowered = self.reaction_store.save_lowered
         self.reactions.restore(self.reaction_store.load(), self.reaction_store.load_lowered())
         self.runner.others = self._troubles
+        self.runner.on_end = lambda: self._end_contacts("the pipeline's process")
         loading = loop.create_task(self._load())
         self.runner.start()
         reloads: set[asyncio.Task[None]] = set()
@@ -139,6 +144,7 @@ class Service:
             await asyncio.wait([loading, *reloads])
             await self.ports.stop()
             await self.runner.stop()
+            self._end_contacts("the service")
             await self.webhooks.stop()
             await asyncio.to_thread(self.reaction_store.close)
             self.journal.close()
@@ -175,9 +181,15 @@ class Service:
 
     def record(self, event: ContactEvent) -> None:
         """Put an event into the journal and into the stream."""
+        self._contacts.note(event)
         self.hub.add_event(self.journal.append(event).model_dump_json().encode())
         if event.kind == "collision" and self.clips.settings.folder is not None:
             self.runner.send(self.clips.request(None, None, f"collision on {event.link}"))
+
+    def _end_contacts(self, who: str) -> None:
+        """Release the open contacts, because `who` has ended: the next process numbers its own from 1 on."""
+        for event in self._contacts.end(who, utc_now()):
+            self.record(event)
 
     def _load_rules(self, scene: Scene) -> ReactionRules | None:
         """Load the rules of the scene.

@@ -137,6 +137,15 @@ class Journal:
         newest = rows[-1][0] if rows else number
         return ([body for _, body in rows] + [row[3] for row in waiting if row[0] > newest])[:limit]
 
+    def latest(self, limit: int, kinds: Sequence[str]) -> list[str]:
+        """Return at most `limit` committed events of some kinds as JSON, oldest first."""
+        marks = ",".join("?" * len(kinds))
+        with self.lock:
+            rows = self._database.execute(
+                f"SELECT body FROM events WHERE kind IN ({marks}) ORDER BY id DESC LIMIT ?", (*kinds, limit)
+            ).fetchall()
+        return [body for (body,) in reversed(rows)]
+
     def flush(self) -> None:
         """Commit the waiting events."""
         with self.lock:

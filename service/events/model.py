@@ -22,8 +22,9 @@ class ContactEvent(BaseModel):
 
     id: int = Field(0, description="Number in the journal. It rises; there may be gaps. 0: not in a journal.")
     kind: Kind = Field(
-        description="onset: a contact began; hold: it keeps its place; slide: it moves; release: it ended; "
-        "resume: it has not ended after all, another release will follow; weight: it was no contact but a "
+        description="onset: a contact began; hold: it keeps its place; slide: it moves; release: it ended, "
+        "or what watched it did, see reason; resume: it has not ended after all, another release will "
+        "follow; weight: it was no contact but a "
         "weight that was picked up or put down; collision: a rule's collision level was exceeded and "
         "latched; acknowledged: a latch was cleared; action: an action was carried out or failed, see "
         "reason; expected: a window for an expected contact was opened or closed."

@@ -115,6 +115,8 @@ class Runner:
         self._status_log = StatusLog()
         self.others: Callable[[], Sequence[str]] = tuple
         """Returns other problems in the service, each a sentence."""
+        self.on_end: Callable[[], None] | None = None
+        """Called when the process has ended and its last message has been handled."""
         self.since = datetime.now(UTC)
         """Time since which the service has had this status."""
         if open_source is None:
@@ -168,6 +170,8 @@ class Runner:
                 reason = f"could not be started: {error.strerror or error}{_advice(error)}"
             self.loading.end()
             self.loaded.set()
+            if self.on_end is not None:
+                self.on_end()
             self.pipeline.alive = False
             self.pipeline.restarts += 1
             self.source.connected, self.source.rate = False, 0.0
