@@ -119,7 +119,7 @@ class ReactionListener:
         elif kind == "restore":
             self._restore([Decision(**{k: _tupled(v) for k, v in d.items()}) for d in message["decisions"]])
             if self._slider is not None:
-                self._slider.find(message.get("lowered"))
+                self._slider.take_over(message.get("lowered"))
         else:
             return
         self._report_state(answer=message.get("id"))
@@ -276,7 +276,10 @@ class ReactionListener:
             if name:
                 health, before = self._health[name], self._health[name].error
                 health.error = self._inputs.error or self._inputs.refused.get(recipe, "")
-                health.state = "failing" if health.error else "ok" if self._inputs.ready else health.state
+                if health.error:
+                    health.state = "failing"
+                elif self._inputs.can_write(recipe):
+                    health.state = "ok"
                 if health.error and health.error != before:
                     health.failed += 1
                     self._report_event(

@@ -36,7 +36,7 @@ class LoweredSlider:
         nothing is to be raised."""
         return self._left if self._written is None else self._written
 
-    def find(self, left: float | None) -> None:
+    def take_over(self, left: float | None) -> None:
         """Take over the fraction that an earlier process has left."""
         self._left = left if self._written is None else None
 

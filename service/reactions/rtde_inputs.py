@@ -61,7 +61,11 @@ class RtdeInputs:
     @property
     def ready(self) -> bool:
         """Whether all recipes can be written."""
-        return len(self._granted) == len(self._recipes) and self._output is not None and not self.error
+        return all(map(self.can_write, self._recipes)) and self._output is not None and not self.error
+
+    def can_write(self, name: str) -> bool:
+        """Whether a recipe can be written, whatever becomes of the others."""
+        return name in self._granted and not self.error
 
     def poll(self, now: float) -> None:
         """Do what is possible without waiting. `now` is the host's monotonic clock [s]."""

@@ -355,6 +355,24 @@ def test_registers_of_another_client_do_not_keep_the_slider_low() -> None:
             other.close()
 
 
+def test_registers_of_another_client_do_not_make_the_slider_fail() -> None:
+    """Its state stayed that of the attempt before the connection, although it had been written since."""
+    with rtde_server() as server:
+        other = RtdeInputs("127.0.0.1", server.port, {"a": ["input_int_register_47"]})
+        _poll_until(other, lambda: other.ready)
+        made = Play(server)
+        try:
+            made.step(estimate(0.0, contact(newtons=20.0)))
+            assert made.state()["actions"]["slow"]["state"] == "failing"
+            made.until(lambda: made.inputs.get("speed_slider_fraction") == (0.1,))
+            made.until(lambda: made.state()["actions"]["tell"]["error"])
+            made.until(lambda: made.state()["actions"]["slow"]["state"] == "ok")
+            assert made.state()["actions"]["tell"]["state"] == "failing"
+        finally:
+            made.listener.close()
+            other.close()
+
+
 def test_a_reading_of_before_a_lost_connection_decides_nothing() -> None:
     outputs = ["target_speed_fraction"]
     with rtde_server() as server:
