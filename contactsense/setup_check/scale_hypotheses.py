@@ -7,7 +7,7 @@ import numpy as np
 from contactsense.scene import Scene
 from contactsense.setup_check.hypothesis import Hypothesis
 from contactsense.setup_check.lines import FROZEN_TORQUES, label, torque_scale
-from contactsense.setup_check.setup import SCALED, Free, Setup
+from contactsense.setup_check.setup import BASE, SCALED, Free, Setup
 
 _POUND, _INCH, _G = 4.4482216152605, 0.0254, 9.80665
 """Pound-force [N], inch [m], and the force of a kilogram [N]."""
@@ -73,6 +73,9 @@ def torque_scales(scene: Scene, setup: Setup, moving: np.ndarray) -> list[Hypoth
     """The joint torques of another scale, one for all, one each or that of one joint; or values that do not
     follow them.
 
+    One each only where a base sensor confirms arm and tool: from torques alone, six constants explain another
+    arm with another tool, too.
+
     `moving`: which joints move, shape (n,): a joint at rest may hold any torque up to its Coulomb friction,
     so nothing is said about it alone.
     """
@@ -80,7 +83,7 @@ def torque_scales(scene: Scene, setup: Setup, moving: np.ndarray) -> list[Hypoth
     scales = [("", replace(setup, gain=scale * setup.gain)) for scale in (1.0, *TORQUE_UNITS.values())]
     found = [Hypothesis(line, tuple(scales), (Free("gain"),))]
     joints = np.flatnonzero(moving & (setup.gain != 0.0)).tolist()
-    if len(joints) > 1:
+    if len(joints) > 1 and BASE in setup.sensors:
         each = tuple(Free("gain", joint=joint) for joint in joints)
         found.append(Hypothesis(line, (("", setup),), each, special=True))
     for joint in joints:
