@@ -24,8 +24,10 @@ from tests.service.ur_rtde import ur_rtde_installed
 
 
 def with_wrench(source, n):
-    """That many samples, all of them from after the force/torque sensor's clock is known."""
-    assert until(lambda: any(s.base_wrench is not None for s in source.poll(0.1))), source.health
+    """That many samples, all of them from after the force/torque sensor's clock is known: that takes longer
+    on a busy computer."""
+    known = until(lambda: any(s.base_wrench is not None for s in source.poll(0.1)), timeout=60.0)
+    assert known, source.health
     return [sample for sample in collect(source, n) if sample.base_wrench is not None]
 
 
