@@ -7,6 +7,8 @@ import numpy as np
 
 BINS = 10
 """Number of bins of equal width."""
+_LEAST = 1e-4
+"""A stated probability counts as at least this far from 0 and 1 in the log score, so that it is finite."""
 _TRIALS = 1000
 """Number of simulated random outcomes that give the range due to chance."""
 
@@ -32,6 +34,8 @@ class Reliability(NamedTuple):
     """Its mean if what was stated is true. It is above zero, as gaps of either sign count."""
     by_chance_95: float
     """Its 95 % quantile if what was stated is true: a larger error is not chance."""
+    log_score: float
+    """Mean log of the probability that was stated of what came true; zero is perfect."""
     bins: tuple[Bin, ...]
     """The bins that are not empty."""
 
@@ -41,6 +45,7 @@ class Reliability(NamedTuple):
             "error": self.error,
             "by_chance": self.by_chance,
             "by_chance_95": self.by_chance_95,
+            "log_score": self.log_score,
             "bins": [entry._asdict() for entry in self.bins],
         }
 
@@ -70,8 +75,14 @@ def reliability(
         error=_error(number, probability, right),
         by_chance=float(np.mean(chance)),
         by_chance_95=float(np.quantile(chance, 0.95)),
+        log_score=_log_score(probability, right),
         bins=tuple(bins),
     )
+
+
+def _log_score(probability: np.ndarray, right: np.ndarray) -> float:
+    stated = np.clip(np.where(right, probability, 1.0 - probability), _LEAST, 1.0 - _LEAST)
+    return float(np.log(stated).mean()) if len(stated) else float("nan")
 
 
 def _error(number: np.ndarray, probability: np.ndarray, right: np.ndarray) -> float:

@@ -14,6 +14,7 @@ import numpy as np
 
 from contactsense.isolation.link_hypotheses import Hypotheses
 from contactsense.kinematics.model import Motion
+from contactsense.kinematics.wrench_information import matvec
 from contactsense.localization.candidate_buffers import Candidates
 from contactsense.localization.line_distance import moment_variance
 from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
@@ -141,7 +142,12 @@ def _weigh_samples(
     offset = _offset_of_line(vector(moments.centre[link]), force, moment)
     a, b = tangents(direction)
     C = moments.covariance[link]
-    caa, cab, cbb = _product(C, a, a) + variance, _product(C, a, b), _product(C, b, b) + variance
+    rows = (vector(C[0]), vector(C[1]), vector(C[2]))
+    caa, cab, cbb = (
+        dot(a, matvec(rows, a)) + variance,
+        dot(a, matvec(rows, b)),
+        dot(b, matvec(rows, b)) + variance,
+    )
     x, y, determinant = dot(offset, a), dot(offset, b), caa * cbb - cab * cab
     energy = 0.5 * (cbb * x * x - 2.0 * cab * x * y + caa * y * y) / determinant
     return first, last, total, evidence + energy + 0.5 * math.log(determinant)
@@ -152,16 +158,6 @@ def _offset_of_line(place: Vector, force: Vector, moment: Vector) -> Vector:
     """Shortest vector from a place to the line of action of a force with a moment about the origin [m]."""
     about = subtract(moment, cross(place, force))
     return scale(1.0 / dot(force, force), cross(force, about))
-
-
-@fused_kernel
-def _product(C: np.ndarray, a: Vector, b: Vector) -> float:
-    """a C b for a matrix C, shape (3, 3)."""
-    return float(
-        a[0] * (C[0, 0] * b[0] + C[0, 1] * b[1] + C[0, 2] * b[2])
-        + a[1] * (C[1, 0] * b[0] + C[1, 1] * b[1] + C[1, 2] * b[2])
-        + a[2] * (C[2, 0] * b[0] + C[2, 1] * b[1] + C[2, 2] * b[2])
-    )
 
 
 @fused_kernel

@@ -23,7 +23,8 @@ from contactsense.solvers.posterior.mode import ENERGY_CUTOFF
 
 NEGLIGIBLE_MARGIN = 14.0
 """These touches are negligible beside a contact whose log evidence is better than that of "none of these" by
-this much: their probability is at most 5 %, and above 1 % for one in 500 contacts without noise."""
+this much: without this margin the stated probability of a contact changes by at most 4 %, and by more than
+1 % for one of 2000 contacts."""
 LEAST_PROBABILITY = 0.01
 """Touches that are less probable than this, relative to the best candidate, get no candidates."""
 

@@ -11,8 +11,8 @@ SHARE_PER_SQUARED_TILT = 0.2
 
 That variance is mostly due to a few steep places. With 0.5 it would be the share of contacts with a force at
 75 degrees or more from the primitive's inward normal; at some of them the primitives explain the contact
-nevertheless, a little farther off. From 0.05 to 0.4 the log scores of `contactsense bench calibration` differ
-little on ground truth that was made for tuning (UR3e and UR5e, `--seed 11`)."""
+nevertheless, a little farther off. From 0.05 to 0.4 the log scores of `contactsense bench calibration --json`
+differ little on ground truth that was made for tuning (UR3e and UR5e, `--seed 11`)."""
 
 
 def unmodelled_places(

@@ -220,3 +220,10 @@ def test_skin_needs_meshes(tmp_path: Path) -> None:
     done = CliRunner().invoke(calibration, [str(tmp_path), "--detail", "skin"])
     assert done.exit_code == 2
     assert "--detail skin needs --meshes" in done.output
+
+
+def test_the_log_score_is_the_mean_log_probability_of_what_came_true() -> None:
+    found = reliability(np.array([0.9, 0.6, 1.0]), np.array([True, False, True]))
+    assert found.log_score == pytest.approx(np.mean(np.log([0.9, 0.4, 1.0 - 1e-4])))
+    assert found.as_json()["log_score"] == found.log_score
+    assert np.isfinite(reliability(np.array([1.0]), np.array([False])).log_score)

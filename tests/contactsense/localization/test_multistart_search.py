@@ -8,8 +8,8 @@ import pytest
 from contactsense import JointTorqueSensor, Localizer, Scene, WrenchSensor, robots
 from contactsense.localization.line_of_action_search import search_along_line_of_action
 from contactsense.localization.multistart_search import search_from_samples
-from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
 from contactsense.solvers.posterior.mode import ENERGY_CUTOFF
+from tests.contactsense.localization.latest_search import latest_search
 from tests.plain_arm import Truth, contacts, plain_ur5e
 
 
@@ -33,12 +33,7 @@ def _best_scores(localizer: Localizer) -> tuple[float, float]:
         state.search_buffers, candidates,
     )  # fmt: skip
     along_line = float(candidates.score[candidates.order[:count]].max())
-    scene = SearchedSurface(
-        constants.surfaces, constants.samples, constants.surface_blocks, constants.subsamples,
-        constants.deviations, constants.touchable, constants.left_out, constants.unmodelled,
-        constants.sensors.depth,
-    )  # fmt: skip
-    arrays = SearchArrays(state.search_buffers, state.surface_cells, candidates)
+    scene, arrays = latest_search(localizer)
     count = search_from_samples(
         scene, constants.touchable, state.hypotheses, constants.prior, arrays, -math.inf
     )

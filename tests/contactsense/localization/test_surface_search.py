@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from contactsense import JointTorqueSensor, Localizer, Scene, WrenchSensor
-from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
 from contactsense.localization.surface_evidence import evaluate_cells
 from contactsense.robots.surface.convex_primitives import pack
 from contactsense.robots.surface.union import distances
 from contactsense.solvers.posterior.mode import ENERGY_CUTOFF
+from tests.contactsense.localization.latest_search import latest_search
 from tests.plain_arm import contacts, plain_ur5e
 
 ARM = plain_ur5e()
@@ -87,12 +87,7 @@ def test_only_what_is_hopeless_beside_something_else_is_not_evaluated(above: flo
     )
     localizer = Localizer(scene)
     constants, state = localizer._buffers.constants, localizer._buffers.state
-    searched = SearchedSurface(
-        constants.surfaces, constants.samples, constants.surface_blocks, constants.subsamples,
-        constants.deviations, constants.touchable, constants.left_out, constants.unmodelled,
-        constants.sensors.depth,
-    )  # fmt: skip
-    arrays = SearchArrays(state.search_buffers, state.surface_cells, state.candidates)
+    surface, arrays = latest_search(localizer)
     rows = np.zeros(2, dtype=int)
     for q, wrench, torque in zip(TRUTH.q, TRUTH.base_wrench, TRUTH.torque, strict=True):
         localizer.locate(q, base_wrench=wrench, joint_torque=torque)
@@ -100,7 +95,7 @@ def test_only_what_is_hopeless_beside_something_else_is_not_evaluated(above: flo
         competing_energy = math.inf
         for k in range(2):
             count, best, _ = evaluate_cells(
-                searched, constants.touchable, state.motion, state.hypotheses, True, constants.prior, arrays,
+                surface, constants.touchable, state.motion, state.hypotheses, True, constants.prior, arrays,
                 competing_energy,
             )  # fmt: skip
             found.append(state.surface_cells.score[:count].copy())

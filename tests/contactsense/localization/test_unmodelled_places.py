@@ -10,7 +10,6 @@ from scipy.integrate import quad
 from scipy.stats import multivariate_normal
 
 from contactsense import Localizer, Scene
-from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
 from contactsense.localization.unmodelled_candidates import (
     STEEP_TILT,
     add_unmodelled_candidates,
@@ -20,6 +19,7 @@ from contactsense.robots.link_poses import link_poses
 from contactsense.scene_model.constants import build_constants
 from contactsense.scene_model.unmodelled_places import SHARE_PER_SQUARED_TILT
 from contactsense.sensors.settings import JointTorqueSensor, WrenchSensor
+from tests.contactsense.localization.latest_search import latest_search
 
 Q = np.array([0.0, -1.3, 1.6, -1.9, -1.57, 0.0])
 UPPER_ARM, FOREARM, WRIST_3 = 2, 3, 6
@@ -117,12 +117,7 @@ def test_the_evidence_is_that_of_the_samples(localizer: Localizer) -> None:
         for _, base, torque in _rib_pushes(localizer, link):
             localizer.locate(Q, base_wrench=base, joint_torque=torque)
             constants, state = localizer._buffers.constants, localizer._buffers.state
-            scene = SearchedSurface(
-                constants.surfaces, constants.samples, constants.surface_blocks, constants.subsamples,
-                constants.deviations, constants.touchable, constants.left_out, constants.unmodelled,
-                constants.sensors.depth,
-            )  # fmt: skip
-            arrays = SearchArrays(state.search_buffers, state.surface_cells, state.candidates)
+            scene, arrays = latest_search(localizer)
             state.surface_cells.unassigned_evidence[link] = 3.0
             count = add_unmodelled_candidates(
                 scene, state.motion, state.hypotheses, constants.prior, arrays, link, -1e9, 0
