@@ -5,10 +5,12 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from contactsense.localization.line_distance import SPHERES_LENGTH
+from contactsense.localization.local_prior import SurfaceError
 from contactsense.localization.simd_neighbourhood import LENGTH as POINTS_LENGTH
+from contactsense.localization.surface_tails import with_surface_error
 from contactsense.robots.jit.declaration import Floats, Integers
 from contactsense.robots.jit.kernel import fused_kernel
-from contactsense.robots.vectors import add, dot, rotate, vector
+from contactsense.robots.vectors import add, rotate, vector
 from contactsense.solvers.posterior.mode import Mode
 
 MAX_CANDIDATES = 8
@@ -79,14 +81,12 @@ def store_candidate(
     p: int,
     frame: tuple[np.ndarray, np.ndarray],
     mode: Mode,
-    surface_deviation: float,
-    tilt: float,
+    error: SurfaceError,
 ) -> None:
     """Store a contact found on primitive p in row `row`, in the base frame.
 
-    The covariance of the point is that of the posterior plus the effect of the real surface's tilt: a
-    tilt d of the normal turns the torsion xi, changes the moment by xi d and so moves the point by
-    xi d / F.
+    The covariance of the point is that of the posterior with the effects of the real surface
+    (`contactsense.localization.surface_tails`).
 
     Args:
         candidates: Arrays to write to.
@@ -94,20 +94,16 @@ def store_candidate(
         p: Index of the primitive.
         frame: Its body frame, base frame: rotation (3, 3) and origin (3,) [m].
         mode: The contact, body frame.
-        surface_deviation: Standard deviation of the surface's offset along the normal [m].
-        tilt: Standard deviation of the angle between the normals along each tangent [rad].
+        error: Of the surface there.
     """
     point, normal, force, xi = mode.contact
-    v11, v12, v22 = mode.variances
+    v11, v12, v22 = with_surface_error(mode.variances, mode.tangents, mode.contact, error)
     candidates.primitive[row] = p
     R, o = frame[0], vector(frame[1])
     # Everything is read before anything is written: the compiler cannot know that these are other arrays.
     c, n, f = add(o, rotate(R, point)), rotate(R, normal), rotate(R, force)
     t1, t2 = rotate(R, mode.tangents[0]), rotate(R, mode.tangents[1])
-    shift = tilt * xi / dot(force, normal)
-    v11 += shift * shift
-    v22 += shift * shift
-    along_normal = surface_deviation * surface_deviation
+    along_normal = error.offset * error.offset
     candidates.torsion[row] = xi
     for i in range(3):
         candidates.point[row, i], candidates.normal[row, i], candidates.force[row, i] = c[i], n[i], f[i]

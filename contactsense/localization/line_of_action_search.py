@@ -20,7 +20,12 @@ from contactsense.localization.line_distance import (
     shift_energies,
     shift_energy,
 )
-from contactsense.localization.local_prior import DeviationCells, nearest_cell, prior_in_cell, tilt_in_cell
+from contactsense.localization.local_prior import (
+    DeviationCells,
+    nearest_cell,
+    prior_in_cell,
+    surface_error_in_cell,
+)
 from contactsense.localization.mean_surface import entered_cell, mean_frame
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
@@ -261,8 +266,8 @@ def _take_modes(
         if mode.log_evidence == -math.inf or score < best_score - ENERGY_CUTOFF:
             continue
         frame = mean_frame(deviations, candidates, p, cell)
-        tilt = tilt_in_cell(prior, deviations, cell)
-        store_candidate(candidates, p, p, frame, mode, local.surface_deviation, tilt)
+        error = surface_error_in_cell(prior, deviations, cell)
+        store_candidate(candidates, p, p, frame, mode, error)
         if is_mounting_face(
             surfaces.link[p], candidates.point[p, 2], candidates.normal[p, 2], prior.surface_deviation
         ):

@@ -18,7 +18,7 @@ from contactsense.kinematics.wrench_information import matvec
 from contactsense.localization.accessibility import apply_accessibility, is_mounting_face
 from contactsense.localization.candidate_buffers import Candidates, store_candidate
 from contactsense.localization.line_of_action_search import bound_energies
-from contactsense.localization.local_prior import nearest_cell, prior_in_cell, tilt_in_cell
+from contactsense.localization.local_prior import nearest_cell, prior_in_cell, surface_error_in_cell
 from contactsense.localization.mean_surface import mean_frame
 from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
 from contactsense.localization.surface_samples import SurfaceSamples
@@ -232,8 +232,8 @@ def _take_mode(
     row = _row_of_mode(candidates, count, p, place, same)
     if row < count and candidates.score[row] >= score:
         return count, best
-    tilt = tilt_in_cell(prior, deviations, cell)
-    store_candidate(candidates, row, p, frame, mode, local.surface_deviation, tilt)
+    error = surface_error_in_cell(prior, deviations, cell)
+    store_candidate(candidates, row, p, frame, mode, error)
     candidates.score[row] = score
     height, slope = candidates.point[row, 2], candidates.normal[row, 2]
     if is_mounting_face(surfaces.link[p], height, slope, prior.surface_deviation):

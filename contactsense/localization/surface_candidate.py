@@ -18,7 +18,12 @@ from contactsense.kinematics.wrench_information import to_body_frame
 from contactsense.localization.candidate_buffers import Candidates, rotate_into, store_candidate
 from contactsense.localization.ellipse_scale import ellipse_scale, scaled_along_surface
 from contactsense.localization.force_at_place import FIXED_SPREAD, force_at_place
-from contactsense.localization.local_prior import DeviationCells, nearest_cell, prior_in_cell, tilt_in_cell
+from contactsense.localization.local_prior import (
+    DeviationCells,
+    nearest_cell,
+    prior_in_cell,
+    surface_error_in_cell,
+)
 from contactsense.localization.mean_shift import mean_shift
 from contactsense.localization.mean_surface import mean_frame
 from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
@@ -84,8 +89,8 @@ def build_candidate(
     mode = find_posterior_mode(
         surfaces.kind, surfaces.size, cells.primitive[s : s + 1], w, L, local, start, buffers.block, tolerance
     )
-    tilt = tilt_in_cell(prior, scene.deviations, cell)
-    store_candidate(candidates, row, p, frame, mode, local.surface_deviation, tilt)
+    error = surface_error_in_cell(prior, scene.deviations, cell)
+    store_candidate(candidates, row, p, frame, mode, error)
     max_variance = max(mode.variances[0], mode.variances[2])
     centre = rotate_back(R, subtract(vector(candidates.point[row]), vector(o)))
     converged = mode.log_evidence > -math.inf

@@ -5,17 +5,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contactsense.localization.local_prior import DeviationCells, no_cells
+from contactsense.localization.local_prior import LONG_TAILS, DeviationCells, no_cells
 from contactsense.localization.mean_surface import CELL_SPREAD
 from contactsense.robots.robot import LocalDeviation
 from contactsense.robots.rotations import rotation_from_vector
 from contactsense.robots.surface.convex_primitives import Surfaces, project
 from contactsense.scene import Scene
 
-LONG_TAILS = 1.1
-"""Factor on the root mean squares of a cell. Distances and tilts have longer tails than a Gaussian; with this
-one, regions of 90 % hold their share of the contacts that it was tuned on (`contactsense bench calibration`:
-UR3e and UR5e of own truth, `--seed 11`, first half of the given UR10e)."""
 CELL_RADIUS = math.sqrt(6.0) * CELL_SPREAD
 """Distance of a cell's corners from its centre [m]."""
 LEAST_OFFSET = 1e-4

@@ -14,6 +14,7 @@ from contactsense.localization.accessibility import (
     clearance,
 )
 from contactsense.localization.candidate_buffers import store_candidate
+from contactsense.localization.local_prior import SurfaceError
 from contactsense.localization.primitive_frames import place_primitives
 from contactsense.robots.surface.convex_primitives import project
 from contactsense.robots.vectors import tangents
@@ -77,8 +78,9 @@ def test_share_and_mean_agree_with_monte_carlo(
     force = tuple(-10.0 * component for component in projected[3:])
     contact = Contact(tuple(projected[:3]), tuple(projected[3:]), force, 0.0)
     t1, t2 = (tuple(R.T @ t) for t in np.array(tangents(tuple(normal))))
+    error = SurfaceError(constants.prior.surface_deviation, 0.1, 1.0)
     mode = Mode(0.0, 0.0, contact, (V[0, 0], V[0, 1], V[1, 1]), (t1, t2))
-    store_candidate(state.candidates, 0, p, (R, o), mode, constants.prior.surface_deviation, 0.1)
+    store_candidate(state.candidates, 0, p, (R, o), mode, error)
     state.candidates.score[0] = 0.0
     start = state.candidates.point[0].copy()
     share, mean = _monte_carlo(constants, state, p, start, normal, root)
@@ -90,7 +92,7 @@ def test_share_and_mean_agree_with_monte_carlo(
     assert math.exp(state.candidates.score[0]) == pytest.approx(share, abs=0.12)
     if share > 0.2:
         assert np.linalg.norm(state.candidates.point[0] - start - mean) < 0.4 * math.sqrt(np.trace(V))
-    store_candidate(state.candidates, 0, p, (R, o), mode, constants.prior.surface_deviation, 0.1)
+    store_candidate(state.candidates, 0, p, (R, o), mode, error)
     state.candidates.score[0] = 0.0
     apply_accessibility(
         constants.surfaces, constants.deviations, state.candidates, 0, (R, o), constants.prior, -8.0

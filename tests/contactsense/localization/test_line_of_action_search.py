@@ -11,7 +11,7 @@ from contactsense.kinematics.wrench_information import to_body_frame
 from contactsense.localization.accessibility import apply_accessibility, is_mounting_face
 from contactsense.localization.candidate_buffers import store_candidate
 from contactsense.localization.line_of_action_search import search_along_line_of_action
-from contactsense.localization.local_prior import tilt_in_cell
+from contactsense.localization.local_prior import surface_error_in_cell
 from contactsense.robots.vectors import vector
 from contactsense.solvers.posterior.contact_prior import Contact, pushing_force
 from contactsense.solvers.posterior.mode import ENERGY_CUTOFF
@@ -71,8 +71,8 @@ def _scores_of_all(localizer: Localizer) -> np.ndarray:
         if mode.log_evidence == -math.inf:
             continue
         frame = (candidates.rotation[p], candidates.origin[p])
-        tilt = tilt_in_cell(prior, constants.deviations, -1)
-        store_candidate(candidates, p, p, frame, mode, prior.surface_deviation, tilt)
+        error = surface_error_in_cell(prior, constants.deviations, -1)
+        store_candidate(candidates, p, p, frame, mode, error)
         if is_mounting_face(link, candidates.point[p, 2], candidates.normal[p, 2], prior.surface_deviation):
             continue
         candidates.score[p] = mode.log_evidence - hypotheses.energy[link]

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from contactsense import Scene, robots
-from contactsense.localization.local_prior import DeviationCells, nearest_cell, prior_in_cell
+from contactsense.localization.local_prior import LONG_TAILS, DeviationCells, nearest_cell, prior_in_cell
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.convex_primitives import project
 from contactsense.scene_model.constants import build_constants
-from contactsense.scene_model.deviation_cells import LEAST_OFFSET, LONG_TAILS, deviation_cells
+from contactsense.scene_model.deviation_cells import LEAST_OFFSET, deviation_cells
 from contactsense.scene_model.scene_surfaces import scene_surfaces
 from contactsense.solvers.posterior.contact_prior import Prior
 
