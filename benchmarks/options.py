@@ -20,7 +20,10 @@ robots = click.option(
     "--robot", "robots", multiple=True, default=("ur5e", "ur10e"), help="Arm; may be repeated."
 )
 truth_robots = click.option(
-    "--robot", "robots", multiple=True, help="Arm; may be repeated.  [default: all in FOLDER]"
+    "--robot",
+    "robots",
+    multiple=True,
+    help="Arm: its name, or the file of an arm of your own; may be repeated.  [default: all in FOLDER]",
 )
 sensor_sets = click.option(
     "--sensors",

@@ -16,7 +16,8 @@ def files_of(folder: Path, chosen: Sequence[str], suites: Sequence[str]) -> list
 
     Args:
         folder: Folder with the files.
-        chosen: Names of arms, whose files are then read whether they exist or not; empty: all of the folder.
+        chosen: Names of arms or their own files, which are then read whether there is ground truth or not;
+            empty: all of the folder.
         suites: Beginnings of the names of the files.
 
     Raises:
@@ -29,12 +30,17 @@ def files_of(folder: Path, chosen: Sequence[str], suites: Sequence[str]) -> list
         (name, suite)
         for name in sorted_by_number(names)
         for suite in suites
-        if (folder / f"{suite}_{name}.npz").exists()
+        if file_of(folder, suite, name).exists()
     ]
     if not found:
         expected = " or ".join(f"{suite}_ROBOT.npz" for suite in suites)
         raise click.ClickException(f"{folder}: expected {expected}, found none")
     return found
+
+
+def file_of(folder: Path, suite: str, robot: str) -> Path:
+    """The file of an arm, which is given by its name or by its own file, such as a URDF."""
+    return folder / f"{suite}_{Path(robot).stem}.npz"
 
 
 def static_arms(folder: Path, chosen: Sequence[str]) -> list[str]:

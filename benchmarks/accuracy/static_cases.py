@@ -72,7 +72,7 @@ def scene_of(
         robot=arm(points.robot),
         gravity=points.gravity,
         detail=detail,
-        meshes=meshes / points.robot if detail == "skin" and meshes is not None else None,
+        meshes=meshes / Path(points.robot).stem if detail == "skin" and meshes is not None else None,
         base_wrench=WrenchSensor(force_noise=stated.force, moment_noise=stated.moment) if has_base else None,
         joint_torque=JointTorqueSensor(noise=stated.torque) if has_torque else None,
         link_prior=link_prior,

@@ -7,6 +7,8 @@ from pathlib import Path
 import click
 import numpy as np
 
+from contactsense.benchmarks.truth_arms import STATIC, file_of
+
 _ARRAYS = {
     "q": "q",
     "torque": "tau",
@@ -28,6 +30,7 @@ class StaticPoints:
     """N contacts and the sensors' readings; units and frames as in `contactsense.Sample`."""
 
     robot: str
+    """Name of the arm, or its own file."""
     gravity: float
     q: np.ndarray
     torque: np.ndarray
@@ -39,7 +42,7 @@ class StaticPoints:
 
 
 def read(folder: Path, robot: str) -> StaticPoints:
-    """Contacts of `static_points_ROBOT.npz` in `folder`.
+    """Contacts of `static_points_ROBOT.npz` in `folder`; `robot`: name of the arm, or its own file.
 
     Raises:
         click.ClickException: the file is missing, unreadable or lacks an array; the message names it.
@@ -59,7 +62,7 @@ def read_arrays(folder: Path, robot: str, names: Sequence[str]) -> dict[str, np.
     Raises:
         click.ClickException: as for `read`.
     """
-    path = folder / f"static_points_{robot}.npz"
+    path = file_of(folder, STATIC, robot)
     try:
         with np.load(path) as file:
             missing = [name for name in names if name not in file]

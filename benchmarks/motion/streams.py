@@ -9,6 +9,8 @@ from typing import Literal
 import click
 import numpy as np
 
+from contactsense.benchmarks.truth_arms import file_of
+
 SUITES = ("motion", "probe")
 Kind = Literal["standstill", "slow", "fast"]
 KINDS: tuple[Kind, ...] = ("standstill", "slow", "fast")
@@ -75,7 +77,7 @@ def read(folder: Path, robot: str, suite: str) -> list[Stream]:
     Raises:
         click.ClickException: the file is missing, unreadable or lacks an array; the message names it.
     """
-    path = folder / f"{suite}_{robot}.npz"
+    path = file_of(folder, suite, robot)
     try:
         with np.load(path) as file:
             missing = [name for name in (*_COMMON, *_OWN[suite]) if name not in file]
@@ -86,7 +88,7 @@ def read(folder: Path, robot: str, suite: str) -> list[Stream]:
             data = {name: np.asarray(file[name]) for name in (*_COMMON, *_OWN[suite])}
     except (OSError, ValueError) as error:
         raise click.ClickException(f"{path}: cannot read ground truth: {error}") from None
-    assert json.loads(str(data["meta"]))["robot"] == robot
+    assert json.loads(str(data["meta"]))["robot"] == Path(robot).stem
     return list(_runs(data, robot, suite))
 
 

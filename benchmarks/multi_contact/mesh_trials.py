@@ -8,6 +8,7 @@ import numpy as np
 
 from contactsense import Scene
 from contactsense.benchmarks.multi_contact.trials import Push, Trials
+from contactsense.benchmarks.truth_arms import STATIC, file_of
 
 
 class MeshTrials(Trials):
@@ -20,7 +21,7 @@ class MeshTrials(Trials):
             click.ClickException: the file cannot be read.
         """
         super().__init__(scene, seed)
-        path = folder / f"static_points_{robot}.npz"
+        path = file_of(folder, STATIC, robot)
         try:
             with np.load(path) as file:
                 self._link = file["link"].astype(np.int64)

@@ -9,6 +9,7 @@ from contactsense.benchmarks.accuracy.static_points import StaticPoints, read
 from contactsense.benchmarks.peers.cases import TRUTH, weight
 from contactsense.benchmarks.peers.skin_table import Table
 from contactsense.benchmarks.peers.touches import Toucher, Touches
+from contactsense.benchmarks.truth_arms import STATIC, file_of
 
 FORCE = 20.0
 """Magnitude of each further force [N]."""
@@ -45,7 +46,7 @@ def add(points: StaticPoints, further: int, folder: Path = TRUTH, seed: int = 0)
 def _contact_table(folder: Path, robot: str) -> Table:
     """Contact points of the ground truth, in the frames of the links."""
     read(folder, robot)  # raises a clear error if the file is unusable
-    with np.load(folder / f"static_points_{robot}.npz") as file:
+    with np.load(file_of(folder, STATIC, robot)) as file:
         order = np.argsort(file["link"], kind="stable")
         link = file["link"][order].astype(np.int64)
         point, normal = file["c_link"][order], file["n_link"][order].astype(np.float64)

@@ -1,7 +1,7 @@
 """An arm from the package index: its chain of links with frames, limits, visual meshes and inertia.
 
-Frames: joint j connects link j-1 to link j and turns about z of link j. The base frame is that of the first
-link.
+Frames: joint j connects link j-1 to link j and turns about an axis of link j. The base frame is that of the
+first link.
 """
 
 from functools import cache
@@ -12,6 +12,9 @@ import numpy as np
 
 from . import ROBOTS
 
+AXIS = np.array([0.0, 0.0, 1.0])
+"""Of a joint that turns about z of its link."""
+
 
 class Link(NamedTuple):
     """One rigid body; lengths in m, everything but the joint in its own frame."""
@@ -21,6 +24,8 @@ class Link(NamedTuple):
     """Of its joint in the link before, shape (3,); zero for the base."""
     rotation: np.ndarray
     """Of its joint in the link before, shape (3, 3)."""
+    axis: np.ndarray
+    """Unit vector that its joint turns about, shape (3,); of no meaning for the base."""
     vertices: np.ndarray
     """Of the visual mesh, shape (V, 3)."""
     faces: np.ndarray
@@ -42,8 +47,8 @@ class Arm(NamedTuple):
     """Lowest and highest positions of the joints, shape (2, n) [rad]."""
     speeds: np.ndarray
     """Limits of the joint speeds, shape (n,) [rad/s]."""
-    package: str
-    """Package that the meshes come from."""
+    package: str | None
+    """Python package that the meshes come from; None: the user's own file."""
 
     @property
     def mass(self) -> float:

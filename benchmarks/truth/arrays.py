@@ -48,7 +48,7 @@ def described(arm: Arm, suite: str, seed: int) -> np.ndarray:
         "links": [link.name for link in arm.links],
         "rate_hz": RATE,
         "mujoco": version("mujoco"),
-        arm.package: version(arm.package),
+        **({arm.package: version(arm.package)} if arm.package else {}),
         "mass": round(arm.mass, 6),
     }
     return np.array(json.dumps(facts))

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from .arm import Arm
 
 SUITES = ("static", "motion", "meshes")
+_DEFAULT = ("ur3e", "ur5e")
 _NEEDED = ("airo_models", "mujoco", "trimesh")
 
 
@@ -30,9 +31,18 @@ def main() -> None:
     "names",
     type=click.Choice(list(ROBOTS)),
     multiple=True,
-    default=("ur3e", "ur5e"),
-    show_default=True,
-    help="Arm; may be repeated. The Panda needs the extra `panda`.",
+    help="Arm; may be repeated. The Panda needs the extra `panda`.  [default: ur3e, ur5e]",
+)
+@click.option(
+    "--urdf",
+    "files",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    multiple=True,
+    help="URDF of an arm of your own, instead; may be repeated. It is called as the file.",
+)
+@click.option(
+    "--tip",
+    help="Last link of the arm in the URDF.  [default: the end of the longest chain of turning joints]",
 )
 @click.option(
     "--into",
@@ -67,18 +77,28 @@ def main() -> None:
     "--seed", type=click.IntRange(0), default=1, show_default=True, help="The same seed gives the same files."
 )
 def make(
-    names: tuple[str, ...], folder: Path, suites: tuple[str, ...], contacts: int, runs: int, seed: int
+    names: tuple[str, ...],
+    files: tuple[Path, ...],
+    tip: str | None,
+    folder: Path,
+    suites: tuple[str, ...],
+    contacts: int,
+    runs: int,
+    seed: int,
 ) -> None:
     """Write static_points_ROBOT.npz, motion_ROBOT.npz and meshes/ROBOT/LINK.ply, which `contactsense bench
     truth`, `contactsense bench motion` and the option `--meshes` of benchmarks read."""
     missing = [module for module in _NEEDED if find_spec(module) is None]
     if missing:
         raise click.ClickException(f"{', '.join(missing)} cannot be imported; install contactsense[truth]")
-    from . import arm
+    if tip is not None and len(files) != 1:
+        raise click.UsageError(f"--tip: expected one --urdf, got {len(files)}")
+    from . import arm, urdf_arm
 
     try:
-        arms = [arm.read(name) for name in names]
-    except ImportError as error:
+        arms = [arm.read(name) for name in names or (() if files else _DEFAULT)]
+        arms += [urdf_arm.read(path, tip) for path in files]
+    except (ImportError, OSError, ValueError) as error:
         raise click.ClickException(str(error)) from None
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -9,6 +9,8 @@ from .arm import Arm, Link
 
 GRAVITY = (0.0, 0.0, -9.81)
 """In base axes [m/s^2]: the arm stands upright."""
+BASE = "base"
+"""Where the wrench is sensed: the frame of the first link."""
 SENSORS = ("force", "moment")
 """Of the wrench below the base, at the base origin."""
 
@@ -19,7 +21,7 @@ def dynamics(arm: Arm) -> mujoco.MjModel:
     for name, kind in zip(
         SENSORS, (mujoco.mjtSensor.mjSENS_FORCE, mujoco.mjtSensor.mjSENS_TORQUE), strict=True
     ):
-        spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=arm.links[0].name)
+        spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=BASE)
     return spec.compile()
 
 
@@ -84,7 +86,7 @@ def _chain(arm: Arm, add: Callable[[mujoco.MjSpec, mujoco.MjsBody, Link], None])
     body = spec.worldbody
     for j, link in enumerate(arm.links):
         body = body.add_body(
-            name=link.name,
+            name=f"link_{j}",  # a link's own name may be MuJoCo's, such as "world"
             pos=link.origin,
             quat=_quaternion(link.rotation),
             mass=link.mass,
@@ -93,10 +95,10 @@ def _chain(arm: Arm, add: Callable[[mujoco.MjSpec, mujoco.MjsBody, Link], None])
             explicitinertial=True,
         )
         if j == 0:
-            body.add_site(name=link.name)
+            body.add_site(name=BASE)
         else:
-            body.add_joint(name=f"joint_{j}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=(0.0, 0.0, 1.0))
-            spec.add_exclude(bodyname1=arm.links[j - 1].name, bodyname2=link.name)
+            body.add_joint(name=f"joint_{j}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=link.axis)
+            spec.add_exclude(bodyname1=f"link_{j - 1}", bodyname2=f"link_{j}")
         add(spec, body, link)
     return spec
 

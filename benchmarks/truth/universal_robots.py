@@ -12,7 +12,7 @@ import numpy as np
 import yaml
 from scipy.spatial.transform import Rotation
 
-from .arm import Arm, Link
+from .arm import AXIS, Arm, Link
 from .urdf import limits, mesh, pose, symmetric
 
 LINKS = ("base", "shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
@@ -48,5 +48,5 @@ def read(name: str) -> Arm:
         tensor = roll @ symmetric(*body["tensor"]) @ roll.T
         com = np.array(body["com"], dtype=float)
         vertices = vertices @ turn.T + shift
-        links.append(Link(link, origin, rotation, vertices, faces, float(body["mass"]), com, tensor))
-    return Arm(name, tuple(links), *limits(joints), "airo-models")
+        links.append(Link(link, origin, rotation, AXIS, vertices, faces, float(body["mass"]), com, tensor))
+    return Arm(name, tuple(links), *limits(joints, path), "airo-models")

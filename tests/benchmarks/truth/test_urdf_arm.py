@@ -1,0 +1,169 @@
+"""Arms from URDFs of one's own: against the library, which reads the same files with code of its own."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from click.testing import CliRunner, Result
+
+from contactsense import robots
+from contactsense.benchmarks.truth import simulation, urdf_arm
+from contactsense.benchmarks.truth.command import main
+from contactsense.robots.link_poses import link_poses
+from contactsense.robots.urdf import read_chain
+from contactsense.service.cli.main import cli
+
+INERTIAL = (
+    '<inertial><origin xyz="0.01 0.02 0.1" rpy="0.1 0 0.2"/><mass value="{mass}"/>'
+    '<inertia ixx="0.02" ixy="0.001" ixz="0" iyy="0.03" iyz="-0.001" izz="0.025"/></inertial>'
+)
+URDF = f"""<robot name="odd">
+  <link name="world"/>
+  <joint name="stand" type="fixed"><parent link="world"/><child link="foot"/><origin xyz="0 0 0.1"/></joint>
+  <link name="foot">
+    {INERTIAL.format(mass=2)}
+    <visual><origin xyz="0 0 0.05"/><geometry><box size="0.2 0.2 0.3"/></geometry></visual>
+  </link>
+  <joint name="waist" type="continuous">
+    <parent link="foot"/><child link="trunk"/><origin xyz="0 0 0.2" rpy="0 0.3 0"/><axis xyz="0 0 -1"/>
+    <limit effort="50" velocity="2"/>
+  </joint>
+  <link name="trunk">
+    {INERTIAL.format(mass=3)}
+    <visual><origin xyz="0 0 0.2" rpy="0 0 1"/>
+      <geometry><cylinder radius="0.06" length="0.5"/></geometry></visual>
+  </link>
+  <joint name="shelf" type="fixed">
+    <parent link="trunk"/><child link="plate"/><origin xyz="0 0.1 0.45" rpy="0.2 0 0"/>
+  </joint>
+  <link name="plate">{INERTIAL.format(mass=0.5)}</link>
+  <joint name="elbow" type="revolute">
+    <parent link="plate"/><child link="lower"/><origin xyz="0.05 0 0" rpy="0 0 0.4"/><axis xyz="0 2 0"/>
+    <limit lower="-2" upper="1.5" effort="40" velocity="3"/>
+  </joint>
+  <link name="lower">
+    {INERTIAL.format(mass=1)}
+    <visual><origin xyz="0 0 0.15"/>
+      <geometry><mesh filename="package://odd_parts/tube.stl" scale="0.001 0.001 0.001"/></geometry></visual>
+  </link>
+  <joint name="jaw" type="prismatic">
+    <parent link="lower"/><child link="finger"/><origin xyz="0 0 0.3"/><axis xyz="1 0 0"/>
+    <limit lower="0" upper="0.05" effort="10" velocity="0.1"/>
+  </joint>
+  <link name="finger">
+    {INERTIAL.format(mass=0.1)}
+    <visual><geometry><sphere radius="0.02"/></geometry></visual>
+  </link>
+  <joint name="other_jaw" type="revolute">
+    <parent link="lower"/><child link="thumb"/><origin xyz="0.03 0 0.3"/><axis xyz="1 0 0"/>
+    <limit lower="0" upper="1" effort="10" velocity="0.1"/><mimic joint="jaw"/>
+  </joint>
+  <link name="thumb">{INERTIAL.format(mass=0.1)}</link>
+</robot>
+"""
+
+
+@pytest.fixture
+def urdf(tmp_path: Path) -> Path:
+    parts = tmp_path / "odd_parts"
+    (parts / "urdf").mkdir(parents=True)
+    trimesh.creation.cylinder(radius=40.0, height=300.0).export(parts / "tube.stl")
+    path = parts / "urdf" / "odd.urdf"
+    path.write_text(URDF)
+    return path
+
+
+def make(*arguments: str) -> Result:
+    return CliRunner().invoke(main, ["make", *arguments])
+
+
+def test_frames_and_inertia_are_those_of_the_library(urdf: Path) -> None:
+    arm, robot = urdf_arm.read(urdf), robots.load(urdf)
+    assert arm.name == "odd"
+    assert [link.name for link in arm.links] == ["world", "trunk", "lower"]
+    for link, known in zip(arm.links, robot.links, strict=True):
+        assert link.mass == pytest.approx(known.inertia.mass, rel=1e-12)
+        np.testing.assert_allclose(link.com, known.inertia.com, atol=1e-12)
+        np.testing.assert_allclose(link.tensor, known.inertia.tensor, atol=1e-12)
+    np.testing.assert_allclose(arm.limits, [[-np.pi, -2.0], [np.pi, 1.5]], atol=1e-8)
+    np.testing.assert_allclose(arm.speeds, [2.0, 3.0])
+    q = np.random.default_rng(1).uniform(-2.0, 2.0, (20, 2))
+    origin, rotation = simulation.poses(simulation.dynamics(arm), q)
+    expected = link_poses(robot, q)
+    np.testing.assert_allclose(origin, expected[:, :, :3, 3], atol=1e-12)
+    np.testing.assert_allclose(rotation, expected[:, :, :3, :3], atol=1e-12)
+
+
+def test_the_surface_is_that_of_the_library(urdf: Path) -> None:
+    """Solids and meshes, of links and of what is fixed to them: the same area and the same extent."""
+    known = read_chain(urdf).meshes()
+    for link in urdf_arm.read(urdf).links:
+        mesh = trimesh.Trimesh(link.vertices, link.faces, process=False)
+        assert mesh.area == pytest.approx(known[link.name].area, rel=0.02)
+        np.testing.assert_allclose(mesh.bounds, known[link.name].bounds, atol=1e-3)
+
+
+def test_the_tip_ends_the_arm(urdf: Path) -> None:
+    arm = urdf_arm.read(urdf, tip="trunk")
+    assert [link.name for link in arm.links] == ["world", "trunk"]
+    assert arm.mass == pytest.approx(urdf_arm.read(urdf).mass)
+
+
+@pytest.mark.parametrize(
+    ("text", "changed", "message"),
+    [
+        ("</robot>", "", "expected a URDF, got a document that cannot be parsed: "),
+        ("revolute", "fixed", "joint waist: expected a limit with velocity, found none"),
+        ('velocity="3"', "", "joint elbow: expected a limit with velocity, found none"),
+        ('lower="-2"', "", "joint elbow: expected a limit with lower, found none"),
+        ("odd_parts/tube.stl", "odd_parts/rod.stl", "rod.stl: expected this file below a folder above"),
+        ("sphere", "ball", "geometry ball: expected mesh, box, cylinder or sphere"),
+        ('<parent link="foot"/>', '<parent link="lower"/>', "expected a tree of links, got a loop"),
+        ('<child link="plate"/>', '<child link="dish"/>', "joint shelf: there is no link 'dish'"),
+    ],
+)
+def test_what_cannot_be_used_is_named(urdf: Path, text: str, changed: str, message: str) -> None:
+    document = URDF.replace('<limit effort="50" velocity="2"/>', "") if text == "revolute" else URDF
+    urdf.write_text(document if text == "revolute" else document.replace(text, changed))
+    with pytest.raises(ValueError, match=message):
+        urdf_arm.read(urdf)
+
+
+def test_moving_links_have_a_mass_and_an_arm_has_joints(urdf: Path) -> None:
+    urdf.write_text(URDF.replace(INERTIAL.format(mass=3), "").replace(INERTIAL.format(mass=0.5), ""))
+    with pytest.raises(ValueError, match="link trunk: expected a mass above zero, as it moves, got none"):
+        urdf_arm.read(urdf)
+    urdf.write_text(URDF.replace('"revolute"', '"fixed"').replace('"continuous"', '"fixed"'))
+    with pytest.raises(ValueError, match="expected an arm with turning joints, found none"):
+        urdf_arm.read(urdf)
+
+
+def test_errors_of_the_command_are_one_line(urdf: Path, tmp_path: Path) -> None:
+    done = make("--urdf", str(urdf), "--tip", "nose", "--into", str(tmp_path / "truth"))
+    assert done.exit_code == 1
+    assert done.output == (
+        f"Error: {urdf}: there is no link 'nose'; links are world, foot, trunk, plate, lower, finger, thumb\n"
+    )
+    done = make("--tip", "trunk", "--into", str(tmp_path / "truth"))
+    assert done.exit_code == 2
+    assert "--tip: expected one --urdf, got 0" in done.output
+
+
+@pytest.mark.slow
+def test_the_localizer_is_judged_on_an_arm_of_ones_own(urdf: Path, tmp_path: Path) -> None:
+    """From the URDF alone: its surface by the library, its contacts by MuJoCo."""
+    truth = tmp_path / "truth"
+    done = make("--urdf", str(urdf), "--into", str(truth), "--suite", "static", "--contacts", "40")
+    assert done.exit_code == 0, done.output
+    done = CliRunner().invoke(
+        cli, ["decompose", str(urdf), "--out", str(urdf.with_suffix(".surface.yaml")), "--jobs", "1"]
+    )
+    assert done.exit_code == 0, done.output
+    done = CliRunner().invoke(cli, ["bench", "truth", str(truth), "--robot", str(urdf), "--json"])
+    assert done.exit_code == 0, done.output
+    without_noise = json.loads(done.stdout)["results"][0]
+    # Two of forty may be missed by chance at 99 %.
+    assert without_noise["link_right"] >= 0.95
+    assert without_noise["error_mm"]["median"] < 1.0
