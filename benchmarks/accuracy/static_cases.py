@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Literal, NamedTuple
 
+import click
 import numpy as np
 
 from contactsense import JointTorqueSensor, Scene, WrenchSensor
@@ -65,11 +66,20 @@ def scene_of(
         detail: Level of detail of the surface.
         meshes: For `detail` skin: folder with ROBOT/LINK.ply.
         link_prior: See `Scene`.
+
+    Raises:
+        click.ClickException: the arm cannot be read, or has another number of joints.
     """
-    stated = stated_noise(noise)
+    stated, robot = stated_noise(noise), arm(points.robot)
+    joints, given = len(robot.joints), points.q.shape[1]
+    if joints != given:
+        raise click.ClickException(
+            f"{points.robot}: expected ground truth of {joints} joints, as the arm has, got {given}; "
+            "name the same --tip for both"
+        )
     has_base, has_torque = SENSORS[sensors]
     return Scene(
-        robot=arm(points.robot),
+        robot=robot,
         gravity=points.gravity,
         detail=detail,
         meshes=meshes / Path(points.robot).stem if detail == "skin" and meshes is not None else None,

@@ -151,6 +151,19 @@ def test_errors_of_the_command_are_one_line(urdf: Path, tmp_path: Path) -> None:
     assert "--tip: expected one --urdf, got 0" in done.output
 
 
+def test_ground_truth_of_other_joints_is_named(urdf: Path, tmp_path: Path) -> None:
+    truth = tmp_path / "truth"
+    suite = ("--suite", "static", "--contacts", "1")
+    done = make("--urdf", str(urdf), "--tip", "trunk", "--into", str(truth), *suite)
+    assert done.exit_code == 0, done.output
+    done = CliRunner().invoke(cli, ["bench", "truth", str(truth), "--robot", str(urdf)])
+    assert done.exit_code == 1
+    assert done.output == (
+        f"Error: {urdf}: expected ground truth of 2 joints, as the arm has, got 1; "
+        "name the same --tip for both\n"
+    )
+
+
 @pytest.mark.slow
 def test_the_localizer_is_judged_on_an_arm_of_ones_own(urdf: Path, tmp_path: Path) -> None:
     """From the URDF alone: its surface by the library, its contacts by MuJoCo."""
