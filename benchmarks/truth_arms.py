@@ -38,9 +38,14 @@ def files_of(folder: Path, chosen: Sequence[str], suites: Sequence[str]) -> list
     return found
 
 
+def name_of(robot: str) -> str:
+    """Name of an arm, which is given by it or by its own file, such as a URDF."""
+    return Path(robot).stem
+
+
 def file_of(folder: Path, suite: str, robot: str) -> Path:
-    """The file of an arm, which is given by its name or by its own file, such as a URDF."""
-    return folder / f"{suite}_{Path(robot).stem}.npz"
+    """The file of an arm."""
+    return folder / f"{suite}_{name_of(robot)}.npz"
 
 
 def static_arms(folder: Path, chosen: Sequence[str]) -> list[str]:

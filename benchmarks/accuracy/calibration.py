@@ -33,7 +33,7 @@ from contactsense.benchmarks.accuracy.static_cases import (
     stated_noise,
 )
 from contactsense.benchmarks.accuracy.static_points import HALVES, StaticPoints, read, select
-from contactsense.benchmarks.truth_arms import static_arms
+from contactsense.benchmarks.truth_arms import name_of, static_arms
 from contactsense.scene import LinkPrior
 
 NEAR = 0.02
@@ -242,7 +242,7 @@ def summarize(robot: str, sensors: str, noise: Noise, verdicts: Sequence[Verdict
         stated, right, expected = np.array([getattr(v, name) for v in judged]).reshape(-1, 3).T
         statements[name] = reliability(stated, right > 0.0, expected)
     return Summary(
-        robot=robot,
+        robot=name_of(robot),
         sensors=sensors,
         noise=noise,
         samples=len(verdicts),

@@ -15,7 +15,7 @@ from contactsense import Localizer
 from contactsense.benchmarks import options
 from contactsense.benchmarks.accuracy.static_cases import COLUMNS, Noise, measured, scene_of
 from contactsense.benchmarks.accuracy.static_points import HALVES, StaticPoints, read, select
-from contactsense.benchmarks.truth_arms import static_arms
+from contactsense.benchmarks.truth_arms import name_of, static_arms
 
 ROUNDS = 3
 """Both scenes answer each contact this many times in turn; the fastest answer counts."""
@@ -100,7 +100,7 @@ def measure(points: StaticPoints, noise: Noise, keep: tuple[str, ...]) -> dict[s
     kept = np.isin(points.link, [scene.link_names.index(name) for name in keep])
     ratio = seconds[1] / seconds[0]
     return {
-        "robot": points.robot,
+        "robot": name_of(points.robot),
         "noise": str(noise),
         "kept": int(kept.sum()),
         "left_out": int((~kept).sum()),

@@ -9,6 +9,7 @@ import numpy as np
 from contactsense import JointTorqueSensor, Scene, WrenchSensor
 from contactsense.benchmarks.accuracy.static_points import StaticPoints
 from contactsense.benchmarks.arms import arm
+from contactsense.benchmarks.truth_arms import name_of
 from contactsense.scene import LinkPrior
 
 SENSORS = {
@@ -82,7 +83,7 @@ def scene_of(
         robot=robot,
         gravity=points.gravity,
         detail=detail,
-        meshes=meshes / Path(points.robot).stem if detail == "skin" and meshes is not None else None,
+        meshes=meshes / name_of(points.robot) if detail == "skin" and meshes is not None else None,
         base_wrench=WrenchSensor(force_noise=stated.force, moment_noise=stated.moment) if has_base else None,
         joint_torque=JointTorqueSensor(noise=stated.torque) if has_torque else None,
         link_prior=link_prior,

@@ -20,7 +20,7 @@ from contactsense.benchmarks import options
 from contactsense.benchmarks.accuracy.calibration import Share, Verdict, judge
 from contactsense.benchmarks.accuracy.static_cases import COLUMNS, Detail, Noise, scene_of
 from contactsense.benchmarks.accuracy.static_points import StaticPoints, read, read_arrays
-from contactsense.benchmarks.truth_arms import static_arms
+from contactsense.benchmarks.truth_arms import name_of, static_arms
 from contactsense.robots.link_poses import link_poses
 from contactsense.robots.surface.union import nearest
 from contactsense.scene_model.constants import build_constants
@@ -88,11 +88,12 @@ def tilt(folder: Path, robots: tuple[str, ...], sensors: str, detail: Detail, as
     for noise, name in track(cases, description="locating", console=Console(stderr=True), transient=True):
         verdicts[noise] += judge(points[name], noise, sensors, detail)
     found = [b for noise in COLUMNS for b in count(joined, verdicts[noise], noise)]
+    arms = [name_of(name) for name in names]
     if as_json:
         plain = [b._asdict() | {"noise": b.noise._asdict()} for b in found]
-        click.echo(json.dumps({"robots": names, "sensors": sensors, "detail": detail, "results": plain}))
+        click.echo(json.dumps({"robots": arms, "sensors": sensors, "detail": detail, "results": plain}))
         return
-    what = f"{', '.join(names)}; sensors {sensors}, detail {detail}"
+    what = f"{', '.join(arms)}; sensors {sensors}, detail {detail}"
     console = Console(width=112)
     console.print(_table(found, "force", f"contacts without an answer, {what}", "force / deg"))
     console.print(_table(found, "tilt", f"contacts in their region of 90 %, {what}", "tilt / deg"))

@@ -17,7 +17,7 @@ from contactsense import Localizer
 from contactsense.benchmarks import options
 from contactsense.benchmarks.accuracy.static_cases import COLUMNS, SENSORS, Detail, Noise, measured, scene_of
 from contactsense.benchmarks.accuracy.static_points import StaticPoints, read
-from contactsense.benchmarks.truth_arms import static_arms
+from contactsense.benchmarks.truth_arms import name_of, static_arms
 from contactsense.output.batch import Batch
 from contactsense.static_localizer import Method
 
@@ -113,7 +113,7 @@ def measure(
     confusion = np.zeros((links, links + 1), dtype=int)
     np.add.at(confusion, (points.link, batch.link), 1)  # no answer: -1, the last column
     return {
-        "robot": points.robot,
+        "robot": name_of(points.robot),
         "noise": noise._asdict(),
         "samples": len(right),
         "link_right": float(right.mean()),

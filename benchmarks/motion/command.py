@@ -29,7 +29,7 @@ from contactsense.benchmarks.motion.model_error import (
 from contactsense.benchmarks.motion.options import MODELS
 from contactsense.benchmarks.motion.score import AGES, Answer, Score
 from contactsense.benchmarks.motion.streams import KINDS, SUITES, Stream, read, redrawn
-from contactsense.benchmarks.truth_arms import files_of
+from contactsense.benchmarks.truth_arms import files_of, name_of
 from contactsense.residuals.momentum_observer import noise_variance_ratio
 from contactsense.sensors.settings import Friction
 from contactsense.service.cli.finite_range import FiniteRange
@@ -175,7 +175,7 @@ def measure(
                     row |= {"averaged_right": limit.link_right, "averaged_felt": limit.felt}
             results.append(
                 {
-                    "robot": streams[0].robot,
+                    "robot": name_of(streams[0].robot),
                     "suite": streams[0].suite,
                     "kind": kind,
                     "noise": noise._asdict(),

@@ -9,7 +9,7 @@ from typing import Literal
 import click
 import numpy as np
 
-from contactsense.benchmarks.truth_arms import file_of
+from contactsense.benchmarks.truth_arms import file_of, name_of
 
 SUITES = ("motion", "probe")
 Kind = Literal["standstill", "slow", "fast"]
@@ -88,7 +88,7 @@ def read(folder: Path, robot: str, suite: str) -> list[Stream]:
             data = {name: np.asarray(file[name]) for name in (*_COMMON, *_OWN[suite])}
     except (OSError, ValueError) as error:
         raise click.ClickException(f"{path}: cannot read ground truth: {error}") from None
-    assert json.loads(str(data["meta"]))["robot"] == Path(robot).stem
+    assert json.loads(str(data["meta"]))["robot"] == name_of(robot)
     return list(_runs(data, robot, suite))
 
 

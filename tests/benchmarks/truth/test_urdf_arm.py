@@ -177,6 +177,7 @@ def test_the_localizer_is_judged_on_an_arm_of_ones_own(urdf: Path, tmp_path: Pat
     done = CliRunner().invoke(cli, ["bench", "truth", str(truth), "--robot", str(urdf), "--json"])
     assert done.exit_code == 0, done.output
     without_noise = json.loads(done.stdout)["results"][0]
+    assert without_noise["robot"] == "odd"
     # Two of forty may be missed by chance at 99 %.
     assert without_noise["link_right"] >= 0.95
     assert without_noise["error_mm"]["median"] < 1.0
