@@ -4,6 +4,7 @@ import ipaddress
 
 from contactsense.service.api.access import AccessRules
 from contactsense.service.api.settings import Settings, SettingsError
+from contactsense.service.api.token_file import TokenError, read_token
 
 
 def is_loopback(host: str) -> bool:
@@ -25,16 +26,9 @@ def access_rules(settings: Settings) -> AccessRules:
     token = settings.token
     if settings.token_file is not None:
         try:
-            token = settings.token_file.read_text().strip()
-        except (OSError, UnicodeDecodeError) as error:
-            raise SettingsError(
-                f"--token-file: {settings.token_file} cannot be read: {getattr(error, 'strerror', error)}"
-            ) from None
-        if len(token) < 16:
-            raise SettingsError(
-                f"--token-file: expected a token of at least 16 characters in {settings.token_file}, "
-                f"got {len(token)}"
-            )
+            token = read_token(settings.token_file)
+        except TokenError as error:
+            raise SettingsError(str(error)) from None
     hosts = (*settings.allowed_hosts, settings.host) if settings.host else settings.allowed_hosts
     return AccessRules(token, hosts, settings.allowed_origins)
 

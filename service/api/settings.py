@@ -20,6 +20,7 @@ from pydantic import (
 from contactsense.robots.field_errors import Place, joined
 from contactsense.scene import describe
 from contactsense.service.api.access import host_names, page_origins
+from contactsense.service.api.token_file import check_token
 from contactsense.service.api.variables import from_json, read_variables
 from contactsense.service.controllers.settings import ControllerSettings
 from contactsense.service.events.journal import JournalSettings
@@ -126,7 +127,7 @@ class Settings(BaseModel):
     constant_readings: bool = False
     """Whether readings may be constant, like those of a simulator without noise; otherwise a signal that
     never changes counts as frozen and is ignored."""
-    token: Annotated[str, Field(min_length=16)] | None = None
+    token: Annotated[str, AfterValidator(check_token)] | None = None
     """Token that every request must send as Authorization: Bearer; preferably set in the environment."""
     token_file: Path | None = None
     """File with the token, instead of `token`."""

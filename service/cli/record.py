@@ -16,11 +16,11 @@ from contactsense.scene import Scene, SceneError
 from contactsense.service.api.sample_source import reader_settings
 from contactsense.service.api.scene_file import load_scene
 from contactsense.service.api.settings import Settings, SettingsError
+from contactsense.service.api.token_file import TokenError, read_token
 from contactsense.service.cli.finite_range import FiniteRange
 from contactsense.service.cli.option_names import as_options
 from contactsense.service.cli.record_by_service import record_by_service
 from contactsense.service.cli.sensor_options import from_environment, sensor_options
-from contactsense.service.cli.token_file import read_token
 from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError, read, scene_in
 from contactsense.service.recordings.export import export
 from contactsense.service.recordings.problem_lines import problem_lines
@@ -93,7 +93,8 @@ def record(
         raise click.UsageError("--token-file is for --url, which is not given")
     try:
         if url is not None:
-            record_by_service(ServiceCalls(url, read_token(token_file)), seconds)
+            token = None if token_file is None else read_token(token_file)
+            record_by_service(ServiceCalls(url, token), seconds)
             return
         assert out is not None
         if origin is not None:
@@ -110,7 +111,9 @@ def record(
         with contextlib.closing(LiveSource(scene, replace(reader, extra_fields=extra))) as live:
             live.observer = recorder
             _run(live, recorder, seconds, out)
-    except (SettingsError, SensorError, RecordingError, MappingError, SceneError, LiveError) as error:
+    except (
+        SettingsError, SensorError, RecordingError, MappingError, SceneError, LiveError, TokenError,
+    ) as error:  # fmt: skip
         raise click.ClickException(str(error)) from None
 
 

@@ -10,7 +10,7 @@ from urllib.parse import urlsplit
 import click
 
 from contactsense.scene import Scene, SceneError
-from contactsense.service.cli.token_file import read_token
+from contactsense.service.api.token_file import TokenError, read_token
 from contactsense.service.free_ports import reason
 from contactsense.service.recordings import RecordingError, scene_in
 from contactsense.service.viewer import READY
@@ -74,7 +74,8 @@ def view(
     try:
         scene = None if scene_path is None else Scene.load(scene_path)
         if file is None:
-            _live(url or URL, read_token(token_file), acknowledge, scene, host, port, over)
+            token = None if token_file is None else read_token(token_file)
+            _live(URL if url is None else url, token, acknowledge, scene, host, port, over)
         else:
             source = _recorded(file, scene)
             page = _page(host, port)
@@ -82,7 +83,7 @@ def view(
             viewer.add_controls(source.title, source.add_controls)
             run(lambda: viewer.draw(source.frame(), source.note()), over)
             viewer.close()
-    except (SceneError, LiveError, RecordingError) as error:
+    except (SceneError, LiveError, RecordingError, TokenError) as error:
         raise click.ClickException(str(error)) from None
     return 0
 

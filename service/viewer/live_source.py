@@ -146,6 +146,6 @@ class LiveSource:
                         Latch(latch.rule, f"{latch.rule}: {latch.force:.0f} N on {latch.link}")
                         for latch in self._calls.reactions().latched
                     )
-            except (LiveError, ValidationError) as error:
+            except LiveError as error:
                 self._message = str(error)
             self._over.wait(POLL)

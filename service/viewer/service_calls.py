@@ -5,10 +5,10 @@ import json
 import ssl
 import urllib.error
 import urllib.request
-from typing import Any
+from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from contactsense.scene import Scene, SceneError
 from contactsense.service.api.clips import RecordingOut
@@ -17,6 +17,8 @@ from contactsense.service.reactions.health import ReactionsOut
 
 TIMEOUT = 5.0
 """Longest time for an answer [s]."""
+FOREIGN = "this is not a contactsense service, or one of another version"
+Answer = TypeVar("Answer", bound=BaseModel)
 
 
 class LiveError(RuntimeError):
@@ -39,6 +41,7 @@ class ServiceCalls:
         try:
             parts = urlsplit(url)
             usable = parts.scheme in ("http", "https") and parts.hostname and (parts.port or True)
+            usable = usable and not (parts.query or parts.fragment or any(char.isspace() for char in url))
         except ValueError:
             usable = False
         if not usable:
@@ -67,11 +70,7 @@ class ServiceCalls:
         Raises:
             LiveError: It does not answer.
         """
-        answer = self._get("/v1/scene")
-        try:
-            return SceneOut.model_validate(answer).scene
-        except ValidationError:
-            raise LiveError(f"{self.url}: this is not a contactsense service") from None
+        return self._get(SceneOut, "/v1/scene").scene
 
     def health(self) -> HealthOut:
         """State of the service.
@@ -79,7 +78,7 @@ class ServiceCalls:
         Raises:
             LiveError: It does not answer.
         """
-        return HealthOut.model_validate(self._get("/v1/health"))
+        return self._get(HealthOut, "/v1/health")
 
     def reactions(self) -> ReactionsOut:
         """Latched collisions.
@@ -87,7 +86,7 @@ class ServiceCalls:
         Raises:
             LiveError: The service does not answer.
         """
-        return ReactionsOut.model_validate(self._get("/v1/reactions"))
+        return self._get(ReactionsOut, "/v1/reactions")
 
     def acknowledge(self) -> None:
         """Acknowledge all latched collisions.
@@ -95,7 +94,7 @@ class ServiceCalls:
         Raises:
             LiveError: The service refuses, with its reason.
         """
-        self._get("/v1/reactions/acknowledge", b"{}")
+        self._read("/v1/reactions/acknowledge", b"{}")
 
     def recording(self, on: bool | None = None) -> RecordingOut:
         """State of the recording on the service's computer.
@@ -107,19 +106,26 @@ class ServiceCalls:
             LiveError: The service does not answer, or refuses, with its reason.
         """
         body = None if on is None else json.dumps({"on": on}).encode()
-        return RecordingOut.model_validate(self._get("/v1/recording", body))
+        return self._get(RecordingOut, "/v1/recording", body)
 
-    def _get(self, path: str, body: bytes | None = None) -> Any:
+    def _get(self, form: type[Answer], path: str, body: bytes | None = None) -> Answer:
+        """The answer in the form that a service of this version gives it."""
+        try:
+            return form.model_validate_json(self._read(path, body))
+        except ValidationError:
+            raise LiveError(f"{self.url}{path}: {FOREIGN}") from None
+
+    def _read(self, path: str, body: bytes | None = None) -> bytes:
         request = urllib.request.Request(f"{self.url}{path}", body, self.headers)
         if body is not None:
             request.add_header("Content-Type", "application/json")
         try:
             with urllib.request.urlopen(request, timeout=TIMEOUT) as answer:
-                return json.loads(answer.read())
+                return bytes(answer.read())
         except urllib.error.HTTPError as error:
             hint = "; --token-file names the file with its token" if error.code == 401 else ""
             raise LiveError(f"{self.url}{path}: {error.code} {_reason(error)}{hint}") from None
-        except (OSError, ValueError) as error:
+        except (OSError, http.client.HTTPException) as error:
             reason = getattr(error, "reason", error)
             raise LiveError(f"{self.url} cannot be reached: {in_words(reason)}") from None
 
@@ -133,6 +139,10 @@ def in_words(reason: object) -> str:
         )
     if isinstance(reason, http.client.RemoteDisconnected):
         return f"{reason}; if it serves TLS, the URL begins with https"
+    if isinstance(reason, http.client.BadStatusLine):
+        return "what answers there does not speak HTTP"
+    if isinstance(reason, ssl.SSLError) and reason.reason == "WRONG_VERSION_NUMBER":
+        return "what answers there does not serve TLS; if it is the service, the URL begins with http"
     return str(getattr(reason, "strerror", None) or reason)
 
 
@@ -140,4 +150,4 @@ def _reason(error: urllib.error.HTTPError) -> str:
     try:
         return "; ".join(str(each["reason"]) for each in json.loads(error.read())["errors"])
     except (ValueError, KeyError, TypeError, OSError):
-        return str(error.reason)
+        return f"{error.reason}: {FOREIGN}"

@@ -10,13 +10,14 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 from fastapi import FastAPI, WebSocket
+from fastapi.responses import PlainTextResponse
 
 from contactsense.scene import Scene
 from contactsense.service.api.estimate_json import estimate_json
 from contactsense.service.viewer.live_source import OUTDATED, RATE, LiveSource
 from contactsense.service.viewer.service_calls import LiveError, ServiceCalls
 from contactsense.types import Estimate
-from tests.service.loopback import until
+from tests.service.loopback import peer, until
 from tests.service.serving import serving
 from tests.service.viewer.estimates import POSTURE, contact, estimate
 
@@ -104,7 +105,19 @@ def test_another_scene_of_the_service_is_told() -> None:
             source.close()
 
 
-@pytest.mark.parametrize("url", ["", "localhost:8000", "ftp://127.0.0.1", "http://", "http://x:port"])
+@pytest.mark.parametrize(
+    "url",
+    [
+        "",
+        "localhost:8000",
+        "ftp://127.0.0.1",
+        "http://",
+        "http://x:port",
+        "http://x/a b",
+        "http://x?a=1",
+        "http://x#a",
+    ],
+)
 def test_what_is_no_url_is_told(url: str) -> None:
     with pytest.raises(LiveError, match="--url: expected one such as"):
         ServiceCalls(url)
@@ -118,8 +131,30 @@ def test_a_service_that_is_not_there_is_told() -> None:
 def test_another_kind_of_server_is_told() -> None:
     app = FastAPI()
     app.get("/v1/scene")(lambda: {"something": "else"})
-    with serving(app) as address, pytest.raises(LiveError, match="this is not a contactsense service"):
-        ServiceCalls(f"http://{address}").scene()
+    app.get("/v1/recording")(lambda: {"something": "else"})
+    app.get("/text/v1/scene")(lambda: PlainTextResponse("hello"))
+    with serving(app) as address:
+        for path, call in (
+            ("", ServiceCalls.scene),
+            ("", ServiceCalls.health),  # 404
+            ("", ServiceCalls.recording),
+            ("/text", ServiceCalls.scene),
+        ):
+            with pytest.raises(LiveError, match="this is not a contactsense service"):
+                call(ServiceCalls(f"http://{address}{path}"))
+
+
+@pytest.mark.parametrize("answers", [(), (b"( -1.000000 )\n",)])
+def test_a_server_without_http_is_told(answers: tuple[bytes, ...]) -> None:
+    """A service that serves TLS hangs up; ports of robot programs and of the robot answer."""
+    told = "does not speak HTTP" if answers else "if it serves TLS"
+    with peer(*answers, hang_up=True) as port, pytest.raises(LiveError, match=told):
+        ServiceCalls(f"http://127.0.0.1:{port}").scene()
+
+
+def test_a_service_without_tls_is_told() -> None:
+    with service() as (url, _), pytest.raises(LiveError, match="does not serve TLS"):
+        ServiceCalls(url.replace("http", "https")).scene()
 
 
 @pytest.mark.parametrize(
