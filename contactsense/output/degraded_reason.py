@@ -3,7 +3,16 @@
 from collections.abc import Mapping, Sequence
 
 from contactsense.residuals.sensor_consistency import SensorConsistency, describe_inconsistency
-from contactsense.sensors.stream_state import BLIND, INCONSISTENT, INVALID, MISSING, SETTLING, UNSETTLED
+from contactsense.sensors.stream_state import (
+    BLIND,
+    INCONSISTENT,
+    INVALID,
+    LONGEST_STEP,
+    MISSING,
+    RESTARTED,
+    SETTLING,
+    UNSETTLED,
+)
 from contactsense.sensors.timing import LONGEST_FIRST_STEP
 
 
@@ -35,9 +44,15 @@ def degraded_reason(
             reasons.append(f"{name} is settling after its start: not used yet")
     if flags & INCONSISTENT:
         reasons += describe_inconsistency(consistency)
-    if flags & SETTLING and step > LONGEST_FIRST_STEP:
+    if flags & RESTARTED:
         reasons.append(
-            f"t: expected at most {LONGEST_FIRST_STEP:g} s from one sample to the next, got {step:.4g} s; is "
+            "t: expected a later time than that of the previous sample, got an earlier one: a new "
+            "stream begins"
+        )
+    if flags & SETTLING and step > LONGEST_FIRST_STEP:
+        got = f"{step:.4g} s" if step < LONGEST_STEP else "a day or more"
+        reasons.append(
+            f"t: expected at most {LONGEST_FIRST_STEP:g} s from one sample to the next, got {got}; is "
             "the time in milliseconds?"
         )
     if flags & BLIND and not reasons:

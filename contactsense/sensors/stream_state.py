@@ -27,8 +27,8 @@ _STEP_SMOOTHING = 0.05
 _LARGEST_VALUE = 1e6
 """Larger positions, velocities, forces and torques are implausible; their squares could overflow [rad, rad/s,
 N, Nm]."""
-_LONGEST_STEP = 86400.0
-"""Longest step that enters the random walk of the biases [s]."""
+LONGEST_STEP = 86400.0
+"""Longest step that enters the random walk of the biases; a longer one counts as this [s]."""
 
 MAX_SENSORS = 11
 """Base sensor, joint torques, and at most nine link sensors: a sensor's flags have a bit for each."""
@@ -144,7 +144,7 @@ def register_sample(stream: StreamState, t: float, sensor_bits: int, bandwidth: 
     if t < clock.t:
         restart(stream)
         flags = RESTARTED
-    clock.step = min(t - clock.t, _LONGEST_STEP) if clock.t > -math.inf else 0.0
+    clock.step = min(t - clock.t, LONGEST_STEP) if clock.t > -math.inf else 0.0
     weight = _STEP_SMOOTHING if clock.usual_step > 0.0 else 1.0
     clock.usual_step += weight * (clock.step - clock.usual_step)
     clock.t = t

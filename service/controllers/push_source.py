@@ -11,12 +11,14 @@ from contactsense.service.controllers.framing import Unframer, frame
 from contactsense.service.controllers.pushed_readings import PushedReadings
 from contactsense.service.controllers.sample_message import MessageError, SampleDecoder, decode
 from contactsense.service.controllers.track_session import error_message
+from contactsense.service.sensors.plausibility import RecentCounts
 from contactsense.service.sensors.robot_stream import StreamHealth
 from contactsense.service.sensors.source_health import SourceHealth
 from contactsense.types import Sample
 
 _SILENT = 0.5
 """A controller that sends nothing for this time is reported as a problem [s]."""
+_REFUSED = "refused"
 _CHUNK = 1 << 16
 
 
@@ -31,8 +33,10 @@ class PushSource:
     """
 
     def __init__(self, scene: Scene, path: Path) -> None:
+        self._scene = scene
         self._decoder = SampleDecoder(scene)
         self._readings = PushedReadings(scene)
+        self._refused, self._refusal = RecentCounts(), ""
         path.unlink(missing_ok=True)  # left by an earlier process
         self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         self._listener.bind(str(path))
@@ -71,7 +75,7 @@ class PushSource:
             health.state, health.error = "waiting", "no controller is connected to WS /v1/track"
         elif time.monotonic() - self._newest > _SILENT:
             health.state = "waiting"
-            health.error = f"the controller at WS /v1/track has sent no sample for {_SILENT:g} s"
+            health.error = f"the controller at WS /v1/track has sent no usable sample for {_SILENT:g} s"
         else:
             health.state = "streaming"
         return SourceHealth(
@@ -80,9 +84,14 @@ class PushSource:
             self._unusable,
             self._without_wrench,
             0.0,
-            recent=self._readings.trouble,
+            recent=(*self._readings.trouble, *self._refusals()),
             reconnects=False,
         )
+
+    def _refusals(self) -> tuple[str, ...]:
+        """Why messages of the last second were refused; nothing for a few of them."""
+        often = self._refused.totals(time.monotonic())[_REFUSED] > 2
+        return (f"the controller's messages are refused, the latest one because of {self._refusal}",) * often
 
     def close(self) -> None:
         """Close all sockets."""
@@ -97,6 +106,7 @@ class PushSource:
             connection.setblocking(False)
             self._selector.register(connection, selectors.EVENT_READ)
             self._connection, self._unframer = connection, Unframer()
+            self._readings = PushedReadings(self._scene)  # another controller has other clocks and sensors
             self._health.connections += 1
 
     def _drop(self) -> None:
@@ -120,9 +130,15 @@ class PushSource:
                 content = decode(message, binary)
                 if "scene" in content:
                     raise MessageError("scene", "expected none: samples are for the service's own scene")
-                sample = self._readings.checked(self._decoder.sample(content, len(message)))
+                sample = self._decoder.sample(content, len(message))
             except MessageError as error:
-                self._unusable += 1
+                self._refused.add(time.monotonic(), _REFUSED)
+                self._refusal = str(error)
+                self._refuse(error, binary)
+                continue
+            try:
+                sample = self._readings.checked(sample)
+            except MessageError as error:
                 self._refuse(error, binary)
                 continue
             self._without_wrench += self._base_wrench and sample.base_wrench is None
@@ -133,6 +149,7 @@ class PushSource:
         return samples
 
     def _refuse(self, error: MessageError, binary: bool) -> None:
+        self._unusable += 1
         self._health.failures += 1
         if self._connection is not None:
             # Do not wait for a service that reads no errors; a partial message would corrupt the stream. The

@@ -5,6 +5,7 @@ A robot's own packets are checked more strictly (`service/sensors/plausibility.p
 may repeat, and single values of them in motion as well: simulators without noise push theirs, too.
 """
 
+import math
 import time
 from dataclasses import replace
 
@@ -38,6 +39,8 @@ _TEXTS = {
     "sensor stuck, or slower than 100 Hz?",
     "stuck": "{field}[{channel}]: this value stays the same while the others change; the whole reading is "
     "left out: is that channel broken, or at the end of its range?",
+    "back": "{field}: the times of the samples run back again and again, and each time the estimation begins "
+    "anew: are they sent in the wrong order, or by two clocks?",
     "zero": "{field}: the reading is exactly zero in all components; it is left out: is the sensor on?",
 }
 
@@ -65,6 +68,7 @@ class PushedReadings:
         if torque is not None and torque.contains == "motor":
             self._never_zero.add("joint_torque")
         self._q: tuple[float, ...] = ()
+        self._t = -math.inf
         self._at_rest = False
 
     def checked(self, sample: Sample) -> Sample:
@@ -74,6 +78,9 @@ class PushedReadings:
             MessageError: Its positions are stale or its velocities wrong, so that nothing of it can be used.
         """
         self._recent.add(time.monotonic(), _SAMPLES)
+        if sample.t < self._t:
+            self._note("t", "back")
+        self._t = sample.t
         if self._robot.positions_stale(sample.t, sample.q, sample.qd):
             self._note("q", "stale")
             raise MessageError("q", "expected positions that change where qd says that the arm moves")

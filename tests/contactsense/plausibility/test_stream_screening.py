@@ -72,6 +72,24 @@ def test_stamps_in_milliseconds_are_told(ordinary: Localizer) -> None:
         )
 
 
+def test_a_step_that_no_clock_makes_is_not_told_by_another_number(ordinary: Localizer) -> None:
+    samples = at_rest(ordinary.scene)
+    samples[50] = replace(samples[50], t=1e9)
+    estimate = answers(ordinary, samples[:51])[50]
+    assert estimate.status == "degraded"
+    assert "got a day or more; is the time in milliseconds?" in estimate.reason
+
+
+def test_times_that_run_back_are_told(ordinary: Localizer) -> None:
+    """Pairs in the wrong order: each time the stream begins again, and contacts are never detected."""
+    samples = at_rest(ordinary.scene)
+    samples[0::2], samples[1::2] = samples[1::2], samples[0::2]
+    found = answers(ordinary, samples)
+    assert {estimate.status for estimate in found} == {"degraded"}
+    told = "t: expected a later time than that of the previous sample, got an earlier one"
+    assert [told in estimate.reason for estimate in found] == [i % 2 == 1 for i in range(len(found))]
+
+
 def test_a_saturated_channel_is_told_and_not_used() -> None:
     """A push that takes the moment to the end of the range and stays there: no contact of that size."""
     sensor = WrenchSensor(range=(1000.0, 60.0), rpy=(0.0, 0.0, 0.5), sign="sensor_on_arm")

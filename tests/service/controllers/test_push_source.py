@@ -43,3 +43,54 @@ def test_a_controller_that_hangs_up_after_a_bad_message_ends_nothing(
         second.sendall(frame(json.dumps(GOOD).encode(), False))
         (sample,) = source.poll(1.0)
         assert sample.t == 1.0
+
+
+def sent(*messages: dict[str, object]) -> bytes:
+    return b"".join(frame(json.dumps(message).encode(), False) for message in messages)
+
+
+def test_why_messages_are_refused_is_told(source: PushSource, tmp_path: Path) -> None:
+    """The controller may not read the answers, and whoever asks for health does not see them."""
+    with connected(tmp_path) as controller:
+        source.poll(0.0)
+        controller.sendall(sent(*({**GOOD, "q": [0.0] * 5},) * 2))
+        source.poll(0.1)
+        assert "refused" not in source.health.trouble  # one or two happen
+        controller.sendall(sent(*({**GOOD, "q": [0.0] * 5},) * 5))
+        source.poll(0.1)
+        assert source.health.trouble == (
+            "the controller at WS /v1/track has sent no usable sample for 0.5 s; the controller's messages "
+            "are refused, the latest one because of q: expected a list of 6 numbers, one per joint of ur5e, "
+            "got 5 of them"
+        )
+
+
+def test_times_in_the_wrong_order_are_told(source: PushSource, tmp_path: Path) -> None:
+    def swapped(count: int) -> bytes:
+        return sent(*({**GOOD, "t": 0.002 * (i ^ 1)} for i in range(count)))
+
+    with connected(tmp_path) as controller:
+        source.poll(0.0)
+        controller.sendall(sent(GOOD, {**GOOD, "t": 0.5}))
+        source.poll(0.1)
+        assert source.health.trouble == ""  # the controller was started again
+        controller.sendall(swapped(10))
+        source.poll(0.1)
+        assert source.health.trouble.startswith("t: the times of the samples run back again and again")
+
+
+def test_another_controller_is_not_compared_with_the_last_one(source: PushSource, tmp_path: Path) -> None:
+    moving = [{**GOOD, "t": 0.002 * i, "q": [0.001 * i] * 6, "qd": [0.5] * 6} for i in range(400)]
+    with connected(tmp_path) as first:
+        source.poll(0.0)
+        first.sendall(sent(*({**each, "qd": [-0.5] * 6} for each in moving)))
+        while source.health.unusable == 0:
+            source.poll(0.1)
+        assert "qd: the joint velocities are not those" in source.health.trouble
+    while source.poll(0.1):
+        pass
+    with connected(tmp_path) as second:
+        source.poll(0.0)
+        second.sendall(sent(moving[0]))
+        assert len(source.poll(1.0)) == 1
+        assert source.health.trouble == ""

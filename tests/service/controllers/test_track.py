@@ -170,7 +170,7 @@ def test_a_controller_is_the_source_of_the_pipeline(pushed: Sample) -> None:
                 assert "another controller" in json.loads(second.recv(timeout=SLOW))["errors"][0]["reason"]
             events = http.get(f"http://{place}/v1/events").json()["events"]
             assert "onset" in [event["kind"] for event in events]
-            _until(place, lambda health: "has sent no sample" in health["message"])
+            _until(place, lambda health: "has sent no usable sample" in health["message"])
         _until(place, lambda health: "no controller" in health["message"])
 
 
