@@ -53,8 +53,13 @@ class _Connection(asyncio.Protocol):
         self.transport = transport
         peer = transport.get_extra_info("peername")
         settings = self._servers.settings
-        if peer is None or not settings.may_connect(peer[0]) or len(self._open) >= settings.connections:
-            _log.warning("a robot program's connection from %s is refused", peer and peer[0])
+        refusal = ""
+        if peer is None or not settings.may_connect(peer[0]):
+            refusal = "it is not one of --controller-clients"
+        elif len(self._open) >= settings.connections:
+            refusal = f"{settings.connections} are open already"
+        if refusal:
+            _log.warning("a robot program's connection from %s is refused: %s", peer and peer[0], refusal)
             transport.abort()
             return
         transport.get_extra_info("socket").setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -69,6 +74,7 @@ class _Connection(asyncio.Protocol):
 
     def pause_writing(self) -> None:
         """The program does not read its answers."""
+        _log.warning("a robot program does not read its answers: its connection is closed")
         self.transport.abort()
 
     def wait_for(self, begun: bool) -> None:

@@ -56,5 +56,11 @@ def test_robot_programs_call_what_there_is(script: Path) -> None:
         else:  # the first number is how many have been read
             assert int(index) <= len(METHODS.call("contact", []))
     assert text.count("(") == text.count(")")
+    # Who moves cannot watch: a touch during the motion would pass unseen.
+    watched = re.findall(r"^( *)while touch_status.*\n((?:\1 .*\n)*)", text, re.MULTILINE)
+    assert watched or "touch_status" not in text
+    assert all("move" not in body for _, body in watched)
+    # Before the first answer there is none, which ends the loop.
+    assert not watched or re.search(r"run watch\(\)\s+sleep\(", text)
     blocks = len(re.findall(r"^\s*(?:def|if|while|thread)\b", text, re.MULTILINE))
     assert len(re.findall(r"^\s*end\b", text, re.MULTILINE)) == blocks

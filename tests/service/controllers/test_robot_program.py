@@ -248,7 +248,7 @@ def test_the_log_says_what_is_at_which_port(
     assert expected <= {record.getMessage() for record in caplog.records}
 
 
-def test_connections_are_limited(methods: RobotProgramMethods) -> None:
+def test_connections_are_limited(methods: RobotProgramMethods, caplog: pytest.LogCaptureFixture) -> None:
     with (
         ports(methods, connections=1) as places,
         socket.create_connection(places["--line-port"], timeout=10) as first,
@@ -257,17 +257,21 @@ def test_connections_are_limited(methods: RobotProgramMethods) -> None:
         assert first.recv(100).startswith(b"( ")
         with socket.create_connection(places["--line-port"], timeout=10) as second:
             assert _ended(second)
+    assert "connection from 127.0.0.1 is refused: 1 are open already" in caplog.text
 
 
-def test_strangers_are_refused(methods: RobotProgramMethods) -> None:
+def test_strangers_are_refused(methods: RobotProgramMethods, caplog: pytest.LogCaptureFixture) -> None:
     with (
         ports(methods, clients="192.0.2.1") as places,
         socket.create_connection(places["--line-port"], timeout=10) as stranger,
     ):
         assert _ended(stranger)
+    assert "connection from 127.0.0.1 is refused: it is not one of --controller-clients" in caplog.text
 
 
-def test_a_client_that_takes_no_answers_is_dropped(methods: RobotProgramMethods) -> None:
+def test_a_client_that_takes_no_answers_is_dropped(
+    methods: RobotProgramMethods, caplog: pytest.LogCaptureFixture
+) -> None:
     def flood(client: socket.socket) -> None:
         for _ in range(10_000):
             client.sendall(b"contact\n" * 1000)
@@ -278,6 +282,7 @@ def test_a_client_that_takes_no_answers_is_dropped(methods: RobotProgramMethods)
         pytest.raises((BrokenPipeError, ConnectionResetError)),
     ):
         flood(client)
+    assert "a robot program does not read its answers: its connection is closed" in caplog.text
 
 
 @pytest.mark.parametrize(
