@@ -43,11 +43,15 @@ def loop(localizer: Localizer, source: LiveSource) -> None:
             for event in estimate.events:
                 best = estimate.contacts[0] if estimate.contacts else None
                 print(f"{event.t:.3f} s  {event.kind}" + (f" on {best.link}" if best else ""))
+    if steps == 0:
+        sys.exit(f"no samples: {source.health.trouble}")
     print(f"{steps} samples, {late} steps took longer than {1e3 * BUDGET:g} ms")
 
 
 def main() -> None:
     """Read the arm that was named, or a simulated one."""
+    if len(sys.argv) not in (1, 3):
+        sys.exit("expected ROBOT_ADDRESS SENSOR_ADDRESS, or nothing for a simulated arm")
     scene = Scene(robot="ur5e")
     localizer = Localizer(scene)  # compiles or loads the kernels: do that before the robot moves
     if len(sys.argv) == 3:

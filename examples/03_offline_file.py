@@ -64,6 +64,8 @@ def simulated(path: Path) -> Path:
 if __name__ == "__main__":
     if len(sys.argv) == 3:
         report(Path(sys.argv[1]), Scene.load(sys.argv[2]))
+    elif len(sys.argv) > 1:
+        sys.exit("expected RECORDING SCENE.yaml, or nothing for a simulated recording")
     else:
         example = Scene(robot="ur5e")
         with tempfile.TemporaryDirectory() as folder:

@@ -101,6 +101,8 @@ def read_chain(path: str | Path, tip: str | None = None, name: str | None = None
                 "by themselves; name its last link as tip"
             )
     turning = [joint for joint in way if joint.type in TURNING]
+    if not turning and tip is not None:
+        raise RobotError(f"{path}: tip {tip}: expected a link behind a revolute joint, got none before it")
     if not turning:
         raise RobotError(
             f"{path}: no revolute joint; is it a tool? Then contactsense decompose {path} --as-tool"
@@ -173,8 +175,7 @@ def visuals(path: Path, link: Any) -> list[trimesh.Trimesh]:
         geometry = visual.geometry
         if geometry.mesh is not None:
             file = find_mesh(path, geometry.mesh.filename)
-            scale = 1.0 if geometry.mesh.scale is None else np.asarray(geometry.mesh.scale, dtype=np.float64)
-            piece = read_mesh(file, scale)
+            piece = read_mesh(file, _scale(f"{where}: mesh", geometry.mesh.scale))
         elif geometry.box is not None:
             piece = trimesh.creation.box(_sizes(f"{where}: box", geometry.box.size, 3))
         elif geometry.cylinder is not None:
@@ -188,6 +189,17 @@ def visuals(path: Path, link: Any) -> list[trimesh.Trimesh]:
             raise RobotError(f"{path}: link {link.name}: a visual without shape")
         pieces.append(piece.apply_transform(_pose(visual.origin)))
     return pieces
+
+
+def _scale(where: str, given: Any) -> np.ndarray | float:
+    """The scale of a mesh; refused if it is not one number for each axis."""
+    if given is None:
+        return 1.0
+    scale = np.atleast_1d(np.asarray(given, dtype=np.float64))
+    if len(scale) not in (1, 3) or not np.all((scale != 0.0) & np.isfinite(scale)):
+        got = " ".join(f"{number:g}" for number in scale)
+        raise RobotError(f"{where}: scale: expected 3 numbers other than 0, got {got}")
+    return scale
 
 
 def _sizes(where: str, given: Any, count: int) -> np.ndarray:

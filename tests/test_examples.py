@@ -14,10 +14,10 @@ ROOT = Path(__file__).parents[1]
 pytestmark = pytest.mark.slow
 
 
-def _run(name: str) -> str:
+def _run(name: str, *arguments: str) -> str:
     place = str(Path(contactsense.__path__[0]).parent)
     done = subprocess.run(
-        [sys.executable, "-W", "error", str(ROOT / "examples" / name)],
+        [sys.executable, "-W", "error", str(ROOT / "examples" / name), *arguments],
         env={**os.environ, "PYTHONPATH": place},
         capture_output=True,
         text=True,
@@ -43,6 +43,18 @@ def test_offline_file() -> None:
     lines = _run("03_offline_file.py").splitlines()
     assert len(lines) == 8
     assert all(" N at " in line for line in lines)
+
+
+@pytest.mark.parametrize("name", ["02_live_loop.py", "03_offline_file.py"])
+def test_half_of_the_arguments_is_no_simulation(name: str) -> None:
+    """Whoever names a robot and forgets the sensor must not take the simulated arm for their own."""
+    with pytest.raises(AssertionError, match=r"expected .*, or nothing for a simulated"):
+        _run(name, "one")
+
+
+def test_a_robot_that_is_not_there_is_told() -> None:
+    with pytest.raises(AssertionError, match=r"no samples: .*127\.0\.0\.1:30004"):
+        _run("02_live_loop.py", "127.0.0.1", "127.0.0.1")
 
 
 @pytest.mark.long

@@ -13,8 +13,11 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from contactsense.robots import Robot, RobotError
+from contactsense.robots.library import URDF_SUFFIXES
 from contactsense.service.analysis.fleet.worker_pool import WorkerPoolError, run_tasks
+from contactsense.service.cli.finite_range import FiniteRange
 from contactsense.service.cli.measured_surface import measured_again
+from contactsense.service.cli.output_file import check_writable
 
 if TYPE_CHECKING:
     import trimesh
@@ -41,6 +44,7 @@ _COLUMNS = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(),
 )
 @click.option(
     "--scale",
+    type=FiniteRange(0.0, min_open=True),
     default=1.0,
     show_default=True,
     help="Metres per unit of the mesh of a tool or body, as 0.001 for mm.",
@@ -118,11 +122,15 @@ def decompose(
         raise click.UsageError("--scale: expected --as-tool or --as-body: the meshes of an arm are in metres")
     if measure is not None and (rigid or picture is not None):
         raise click.UsageError(f"--measure: expected no {rigid or '--picture'}")
+    check_writable("--out", out)
+    check_writable("--picture", picture)
     options = Options(tolerance=_length(tolerance), most=link_max, seed=seed, boxes=not no_boxes)
     try:
         robot, surfaces = read_tool(Path(arm), scale) if rigid else read_arm(arm, meshes, tip)
     except RobotError as error:
         raise click.ClickException(str(error)) from error
+    if Path(arm).suffix in URDF_SUFFIXES and not rigid:
+        click.echo(f"{arm}: {chain_of(robot, tip)}", err=True)
     if robot.held:
         click.echo(f"{arm}: held at zero: {', '.join(robot.held)}", err=True)
     if measure is not None:
@@ -150,6 +158,18 @@ def decompose(
             _draw(robot, surfaces, best, picture)
         except OSError as error:
             raise click.ClickException(str(error)) from error
+
+
+def chain_of(robot: Robot, tip: str | None) -> str:
+    """Which joints of a URDF are the arm's: a gripper with a single jaw looks like one more.
+
+    Args:
+        robot: The arm.
+        tip: Its last link, if it was named.
+    """
+    names = [joint.name for joint in robot.joints]
+    chosen = "" if tip else " (--tip names another last link, if some of these joints are a gripper's)"
+    return f"joints of the arm: {', '.join(names)}; its last link: {robot.link_names[-1]}{chosen}"
 
 
 def _write(text: str, out: Path | None) -> None:

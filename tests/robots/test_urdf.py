@@ -264,6 +264,21 @@ def test_sizes_that_no_shape_has_are_refused(tmp_path: Path, shape: str, wanted:
         read_chain(write(tmp_path, text)).meshes()
 
 
+@pytest.mark.parametrize("scale", ["1 1", "1 0 1", "nan nan nan"])
+def test_a_scale_that_no_mesh_has_is_refused(tmp_path: Path, scale: str) -> None:
+    trimesh.creation.box((0.1, 0.2, 0.3)).export(tmp_path / "box.stl")
+    mesh = f'<mesh filename="box.stl" scale="{scale}"/>'
+    text = arm().replace('<cylinder radius="0.05" length="0.2"/>', mesh, 1)
+    wanted = f"link link0: visual: mesh: scale: expected 3 numbers other than 0, got {scale}"
+    with pytest.raises(robots.RobotError, match=wanted):
+        read_chain(write(tmp_path, text)).meshes()
+
+
+def test_a_tip_before_the_first_joint_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(robots.RobotError, match=r"tip link0: expected a link behind a revolute joint"):
+        read_chain(write(tmp_path, arm()), tip="link0")
+
+
 def test_unusable_meshes_are_refused(tmp_path: Path) -> None:
     cylinder = '<cylinder radius="0.05" length="0.2"/>'
     text = arm().replace(cylinder, '<mesh filename="box.stl"/>', 1)

@@ -81,6 +81,11 @@ def test_robots_draws_one(tmp_path: Path) -> None:
         (["decompose", "hand.stl", "--as-tool"], 1, "hand.stl: no such mesh"),
         (["decompose", "hand.stl", "--as-tool", "--tip", "palm"], 2, "--as-tool: expected no --meshes"),
         (["decompose", "ur5e", "--scale", "0.001"], 2, "--scale: expected --as-tool or --as-body"),
+        (["decompose", "hand.stl", "--as-tool", "--scale", "0"], 2, "'--scale': 0.0 is not in the range x>0"),
+        (["decompose", "hand.stl", "--as-tool", "--scale", "nan"], 2, "'--scale': expected a finite number"),
+        (["decompose", "ur5e", "--out", "no/x.yaml"], 1, "--out: no/x.yaml: there is no folder no"),
+        (["decompose", "ur5e", "--picture", "no/x.png"], 1, "--picture: no/x.png: there is no folder no"),
+        (["decompose", "ur5e", "--out", "."], 1, "--out: expected a file, got the folder ."),
         (["decompose", "hand.stl", "--as-tool", "--as-body"], 2, "expected one of them, got both"),
         (["decompose", "hand.stl", "--as-body", "--meshes", "."], 2, "--as-body: expected no --meshes"),
     ],
@@ -107,6 +112,19 @@ def test_decompose_a_urdf_and_load_what_it_made(tmp_path: Path) -> None:
     robot = robots.load(urdf)
     assert 2 <= sum(len(link.primitives) for link in robot.links) <= 3
     assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("tip", ["", "bar"])
+def test_the_joints_of_the_arm_are_named_before_the_fit(tmp_path: Path, tip: str) -> None:
+    """A gripper with a single jaw looks like one more joint, and the fit takes minutes."""
+    for name, mesh in two_meshes().items():
+        mesh.export(tmp_path / f"{name}.stl")
+    urdf = tmp_path / "two.urdf"
+    urdf.write_text(URDF)
+    asked = ["--tip", tip] if tip else []
+    result = call("decompose", str(urdf), *asked, "--measure", str(tmp_path / "none.yaml"))
+    assert f"{urdf}: joints of the arm: hinge; its last link: bar" in result.stderr
+    assert ("--tip names another last link" in result.stderr) == (not tip)
 
 
 def test_an_arm_without_visual_shapes_needs_meshes(tmp_path: Path) -> None:
