@@ -141,7 +141,7 @@ class SignalColumns:
     def _found(self) -> str:
         names, others = self._table.names, self._table.others
         found = _listed(names) if names else "none with numbers"
-        return f"{found}; without numbers: {_listed(others)}" if others else found
+        return f"{found}; no columns of numbers: {_listed(others)}" if others else found
 
 
 def _listed(names: list[str]) -> str:

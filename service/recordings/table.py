@@ -23,7 +23,7 @@ class TableFile(Protocol):
     names: list[str]
     """Names of the numeric columns."""
     others: list[str]
-    """Names of the other ones."""
+    """The other ones, each with what it holds, for messages."""
     meta: dict[str, str]
     """Metadata of the file."""
     problems: list[Problem]
@@ -64,9 +64,16 @@ def numeric(schema: pa.Schema) -> list[str]:
 
 
 def not_numeric(schema: pa.Schema) -> list[str]:
-    """Names of the other columns."""
+    """The other columns, each with what it holds."""
     numbers = numeric(schema)
-    return [name for name in schema.names if name not in numbers]
+    return [f"{field.name} ({_held(field.type)})" for field in schema if field.name not in numbers]
+
+
+def _held(kind: pa.DataType) -> str:
+    types = pa.types
+    if types.is_list(kind) or types.is_large_list(kind) or types.is_fixed_size_list(kind):
+        return "lists"
+    return "text" if types.is_string(kind) or types.is_large_string(kind) else str(kind)
 
 
 def text_metadata(metadata: dict[bytes, bytes] | None) -> dict[str, str]:

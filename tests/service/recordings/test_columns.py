@@ -42,7 +42,18 @@ def test_columns_that_are_no_numbers_are_named(tmp_path: Path) -> None:
     whole = pa.table(columns())
     whole = whole.set_column(0, "timestamp", whole["timestamp"].cast(pa.string()))
     pa_parquet.write_table(whole, tmp_path / "a.parquet")
-    with pytest.raises(RecordingError, match=r"without numbers: timestamp; --columns timestamp=NAME"):
+    with pytest.raises(RecordingError, match=r"of numbers: timestamp \(text\); --columns timestamp=NAME"):
+        read(tmp_path / "a.parquet", SCENE)
+
+
+@pytest.mark.parametrize("kind", [pa.list_(pa.float64()), pa.list_(pa.float64(), 6)])
+def test_a_column_of_lists_is_told_as_such(tmp_path: Path, kind: pa.DataType) -> None:
+    """Other loggers write the joints as one column of lists, which are numbers to whoever wrote them."""
+    whole = pa.table(columns())
+    whole = whole.drop_columns([f"actual_q_{i}" for i in range(6)])
+    whole = whole.append_column("actual_q", pa.array([[0.0] * 6] * whole.num_rows, kind))
+    pa_parquet.write_table(whole, tmp_path / "a.parquet")
+    with pytest.raises(RecordingError, match=r"no columns of numbers: actual_q \(lists\); .* each value"):
         read(tmp_path / "a.parquet", SCENE)
 
 
