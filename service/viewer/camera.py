@@ -1,10 +1,13 @@
 """The camera of a page: so that the arm is in the picture, however wide that is, until a reader moves it."""
 
+import itertools
 from typing import NamedTuple
 
 import numpy as np
 import viser
+from scipy.spatial.transform import Rotation
 
+from contactsense.robots.library import in_library
 from contactsense.scene import Scene
 from contactsense.service.drawing.posture import usual_posture
 from contactsense.service.scene.summary import link_places
@@ -17,6 +20,8 @@ MARGIN = 0.94
 """Part of the picture that is used."""
 USUAL_ASPECT = 1.2
 """Width over height of the picture beside the panel in a usual window."""
+STEPS = 7
+"""Number of angles of each joint that are tried for the reach."""
 PORTRAIT = 0.75
 """Width over height below which the lower half of the picture is left free: the panel is there on a phone."""
 
@@ -32,7 +37,8 @@ class View(NamedTuple):
 
 def first_view(scene: Scene, landmarks: np.ndarray, aspect: float) -> View:
     """The place from which the arm in its usual posture, turned about its first joint, fills the picture; no
-    posture is cut off above or below.
+    posture is cut off above or below. Of an arm that is not in the library, whose postures are not known, the
+    whole reach fills it.
 
     Args:
         scene: The arm in its cell.
@@ -47,9 +53,29 @@ def first_view(scene: Scene, landmarks: np.ndarray, aspect: float) -> View:
         raised[1:2] = -0.5 * np.pi
         turned.append(link_places(scene, bent)[:, :3, 3])
         stretched += [link_places(scene, q)[:, :3, 3] for q in (straight, raised)]
+    if not in_library(scene.robot):
+        stretched += _reach(scene)
+        turned += stretched
     wide = np.concatenate((scene.orientation.apply(np.concatenate(turned)), landmarks))
     tall = np.concatenate((scene.orientation.apply(np.concatenate(stretched)), wide))
     return _enclosing(wide, tall, aspect)
+
+
+def _reach(scene: Scene) -> list[np.ndarray]:
+    """Places of the links in the highest and in the widest of many postures within the joints' limits, turned
+    about the first joint, each of shape (L, 3), base frame [m]."""
+    robot = scene.robot
+    limits = np.clip([joint.position_limits for joint in robot.joints[1:4]], -np.pi, np.pi)
+    found = []
+    for angles in itertools.product(*(np.linspace(low, high, STEPS) for low, high in limits)):
+        q = np.zeros(len(robot.joints))
+        q[1 : 1 + len(angles)] = angles
+        found.append(link_places(scene, q)[:, :3, 3])
+    places = np.array(found)
+    highest = places[places[:, :, 2].max(axis=1).argmax()]
+    widest = places[np.linalg.norm(places[:, :, :2], axis=2).max(axis=1).argmax()]
+    pans = Rotation.from_rotvec(np.outer(np.arange(0.0, 2.0 * np.pi, np.pi / 12.0), [0.0, 0.0, 1.0]))
+    return [pan.apply(each) for pan in pans for each in (highest, widest)]
 
 
 def _enclosing(wide: np.ndarray, tall: np.ndarray, aspect: float) -> View:

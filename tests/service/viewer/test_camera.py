@@ -1,5 +1,6 @@
 """The first view of a page shows the arm and gravity, whatever the shape of the window."""
 
+from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
 
@@ -11,6 +12,7 @@ from contactsense import Scene
 from contactsense.service.drawing.posture import usual_posture
 from contactsense.service.scene.summary import link_places
 from contactsense.service.viewer.camera import FIELD_OF_VIEW, Cameras, first_view
+from tests.service.seven_joints import seven_joints
 
 ASPECTS = {"a phone": 0.5, "1280x800 beside the panel": 1.1, "1920x1080 beside the panel": 1.4, "wide": 3.0}
 GRAVITY = np.array([[-0.5, -0.5, 0.3], [-0.5, -0.5, 0.1]])
@@ -47,6 +49,19 @@ def test_arm_and_gravity_are_in_the_picture(aspect: float, mounting: str, robot:
     columns, rows = in_picture(scene, aspect, np.concatenate((turned(scene), GRAVITY)))
     assert np.abs(columns).max() < 1.0
     assert np.abs(rows).max() < 1.0
+
+
+@pytest.mark.parametrize("aspect", ASPECTS.values(), ids=ASPECTS)
+def test_the_whole_reach_of_a_foreign_arm_is_in_the_picture(aspect: float, tmp_path: Path) -> None:
+    """Its zeros are not those of UR's arms: the usual posture may be folded."""
+    scene, rng = seven_joints(tmp_path), np.random.default_rng(0)
+    limits = np.clip([joint.position_limits for joint in scene.robot.joints], -np.pi, np.pi)
+    postures = limits[:, 0] + rng.random((200, 7)) * (limits[:, 1] - limits[:, 0])
+    places = np.concatenate([link_places(scene, q)[:, :3, 3] for q in postures])
+    above = places[places[:, 2] > 0.0]  # not through the table
+    columns, rows = in_picture(scene, aspect, above)
+    assert np.abs(columns).max() < 1.0
+    assert rows.max() < 1.0
 
 
 def test_on_a_phone_the_lower_half_is_left_to_the_panel() -> None:
