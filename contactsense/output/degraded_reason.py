@@ -47,7 +47,7 @@ def degraded_reason(
     if flags & RESTARTED:
         reasons.append(
             "t: expected a later time than that of the previous sample, got an earlier one: a new "
-            "stream begins"
+            "stream begins, in which the observer is settling"
         )
     if flags & SETTLING and step > LONGEST_FIRST_STEP:
         got = f"{step:.4g} s" if step < LONGEST_STEP else "a day or more"
