@@ -17,6 +17,7 @@ from contactsense.scene_model.reading_limits import (
     ROUNDING,
     SAME,
     TORQUE_SCALE,
+    USUAL_PUSH,
     reading_limits,
 )
 from contactsense.sensors.settings import WrenchSensor
@@ -227,7 +228,7 @@ class PlausibleLimits:
                         f"{self._weight:.0f} N{turned}; raw readings need external=False",
                     )
             return None
-        if self._is_near(force, _NO_FORCE):
+        if self._is_near(force, _NO_FORCE) and dist(force, weight) > USUAL_PUSH:
             advice = "is the sensor tared (base_wrench.bias), or is the weight subtracted (external=True)?"
         elif self._is_near(force, self._opposite_force):
             advice = "it has the opposite sign (base_wrench.sign)"

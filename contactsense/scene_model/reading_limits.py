@@ -29,6 +29,9 @@ the strongest arms of the library 738 Nm at 1.75 m (UR20) and at 1.3 m (UR30), o
 is more than six times the torque limit. Readings in mN or Nmm are beyond them from 5 N or 5 Nm on."""
 SAME = 0.2
 """Wrenches that differ by less than this share of the arm's weight are taken for the same."""
+USUAL_PUSH = 80.0
+"""What a push of this size explains is plausible [N]: on an arm of 5 kg, one from below leaves a reading as
+small as that of a sensor which was tared."""
 ROUNDING = 1e-6
 """A reading at its limit is beyond it in spite of being converted to base axes and back."""
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from contactsense import Localizer, Scene, WrenchSensor, forward_model
+from contactsense.benchmarks.motion.model_error import heavier
 from contactsense.plausibility.plausible_limits import PlausibleLimits
 from contactsense.robots.tool import Tool
 from contactsense.scene_model.arm_weight import ArmWeight
@@ -101,6 +102,23 @@ def test_no_ordinary_contact_is_refused() -> None:
         for i in range(len(wrench)):
             one = None if torque is None else torque[i]
             assert limits.request(truth.q[i], wrench[i], one, {}, external) is None
+
+
+@pytest.mark.parametrize("mass", [0.25, 0.5, 1.0])
+def test_a_push_as_large_as_the_weight_is_refused_on_heavy_arms_only(mass: float) -> None:
+    """It cancels the weight, like a sensor that was tared: 53, 106 and 213 N."""
+    limits = PlausibleLimits(Scene(robot=heavier(ARM, mass - 1.0)))
+    weight = limits.weight.wrench(Q)
+    force = np.array([5.0, 3.0, 1.0]) - weight[:3]
+    push = np.concatenate((force, np.cross([0.1, 0.0, 0.3], force)))
+    found = limits.request(Q, weight + push, None, {}, False)
+    if mass < 0.5:
+        assert found is None
+    else:
+        assert found is not None
+        assert "is the sensor tared" in found.reason
+    for given, external in ((push, True), (weight + 0.1 * push, False)):
+        assert limits.request(Q, given, None, {}, external) is None
 
 
 def test_readings_beyond_the_sensors_range_are_refused() -> None:
