@@ -99,7 +99,7 @@ def _show(robot: Robot) -> None:
 
 def _draw(robot: Robot, path: Path, pose: str | None, coarse: bool) -> None:
     joints = len(robot.joints)
-    q = usual_posture(joints) if pose is None else joint_angles("--pose", pose, joints)
+    q = usual_posture(robot) if pose is None else joint_angles("--pose", pose, joints)
     with picture_file(path):
         from contactsense.robots.rendering import draw_arm
 

@@ -37,7 +37,7 @@ def show(path: Path, picture: Path | None, pose: str | None, as_json: bool) -> N
     except SceneError as error:
         raise click.ClickException(f"{path}: {error}") from None
     joints = len(scene.robot.joints)
-    q = usual_posture(joints) if pose is None else joint_angles("--pose", pose, joints)
+    q = usual_posture(scene.robot) if pose is None else joint_angles("--pose", pose, joints)
     if picture is not None:
         with picture_file(picture):
             from contactsense.service.scene.picture import draw_scene

@@ -48,7 +48,7 @@ def first_view(scene: Scene, landmarks: np.ndarray, aspect: float) -> View:
     joints = len(scene.robot.joints)
     turned, stretched = [], []
     for pan in np.arange(0.0, 2.0 * np.pi, np.pi / 12.0):
-        bent, straight, raised = usual_posture(joints), np.zeros(joints), np.zeros(joints)
+        bent, straight, raised = usual_posture(scene.robot), np.zeros(joints), np.zeros(joints)
         bent[0] = straight[0] = raised[0] = pan
         raised[1:2] = -0.5 * np.pi
         turned.append(link_places(scene, bent)[:, :3, 3])

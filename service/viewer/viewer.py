@@ -85,7 +85,7 @@ class Viewer:
         """Folder for the controls of a file; hidden until there are any."""
         self._plot = ForcePlot(page.gui, scene.contacts)
         self._arm = ArmNodes(page.scene, scene)
-        self._arm.move(usual_posture(len(scene.robot.joints)))
+        self._arm.move(usual_posture(scene.robot))
         self._contacts = ContactNodes(page.scene, scene)
         self._heat = Heat(page.scene, scene)
         self._view = ViewPanel(page.gui, self._arm, self._heat)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contactsense import JointTorqueSensor, Scene, WrenchSensor
+from contactsense import JointTorqueSensor, Scene, WrenchSensor, robots
 from contactsense.plausibility.largest_reading import largest_reading_at_rest
 from contactsense.robots.robot import NO_MASS
 from contactsense.robots.tool import Tool
@@ -24,7 +24,7 @@ from contactsense.service.scene.summary import (
 )
 from tests.plain_arm import plain_ur5e
 
-Q = usual_posture(6)
+Q = usual_posture(robots.load("ur5e"))
 
 
 def _text(scene: Scene) -> str:

@@ -22,7 +22,7 @@ def test_the_summary_says_number_and_size() -> None:
         ((PALM, finger), "2 primitives, 0.08 x 0.06 x 0.21 m"),
     ):
         scene = Scene(robot="ur5e", tool=Tool(primitives=shapes), bodies=(table,))
-        lines = {line.subject: line.text for line in summarize(scene, usual_posture(6))}
+        lines = {line.subject: line.text for line in summarize(scene, usual_posture(scene.robot))}
         assert text in lines["tool"]
         assert lines["bodies"] == "table (obstacle), 1 primitive, 2 x 1 x 0.2 m along its axes"
 

@@ -35,7 +35,7 @@ def turned(scene: Scene) -> np.ndarray:
     """Places of all links as the arm turns about its first joint, in the world [m]."""
     places = []
     for pan in np.linspace(0.0, 6.0, 13):
-        q = usual_posture(len(scene.robot.joints))
+        q = usual_posture(scene.robot)
         q[0] = pan
         places.append(link_places(scene, q)[:, :3, 3])
     return scene.orientation.apply(np.concatenate(places))
