@@ -24,6 +24,7 @@ from contactsense.calibration.parameters import (
     entries,
     value,
 )
+from contactsense.calibration.possible_bodies import possible_bodies
 from contactsense.calibration.recording_residuals import (
     friction,
     settled_samples,
@@ -105,12 +106,13 @@ def calibrate(
     start = CalibrationModel.of(scene)
     selected = entries(start, settings.groups, settings.inertia_error)
     fitted, recordings, contacts = _fit_without_contacts(start, recordings, selected, settings, progress)
-    arm, kept = fitted.arm, fitted.kept
+    bodies = possible_bodies(fitted, selected, start)
+    arm, kept = bodies.arm, fitted.kept
     progress("noise and model error")
     usable = [_settled_and_usable(recording, scene.bandwidth) for recording in recordings]
-    before, after = (
+    before, unconstrained, after = (
         [all_residuals(x, s, scene.bandwidth)[rows] for s, rows in zip(recordings, usable, strict=True)]
-        for x in (start, arm)
+        for x in (start, fitted.arm, arm)
     )
     measured = measured_channels(scene, recordings)
     noise_levels, wrenches = _noise(arm, recordings, usable, after, scene.bandwidth)
@@ -148,6 +150,8 @@ def calibrate(
         warnings=tuple(warnings),
         before=residual_statistics(before, measured),
         after=residual_statistics(after, measured),
+        unconstrained=residual_statistics(unconstrained, measured),
+        constrained=tuple(scene.robot.link_names[k] for k in bodies.changed),
         condition=fitted.condition,
         covariance=fitted.covariance,
         contacts=contacts,

@@ -41,6 +41,8 @@ class FittedModel:
     arm: CalibrationModel
     covariance: np.ndarray
     """Of the parameters, shape (k, k)."""
+    precision: np.ndarray
+    """Of the parameters by the last linearized equations and the prior, shape (k, k)."""
     free: np.ndarray
     """Which parameters were estimated, shape (k,), bool."""
     kept: dict[int, str]
@@ -80,7 +82,8 @@ def fit_model(
         if number >= _MIN_ITERATIONS - 1 and np.all(np.abs(step.step[free]) <= _CONVERGED * std[free]):
             break
     assert step is not None
-    return FittedModel(arm, step.covariance, free, kept, condition)
+    precision = step.information + np.diag([entry.prior_std**-2 for entry in selected])
+    return FittedModel(arm, step.covariance, precision, free, kept, condition)
 
 
 class _GaussNewton:

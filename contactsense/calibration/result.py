@@ -72,6 +72,10 @@ class Calibration:
     """Residuals with the original scene."""
     after: ResidualStatistics
     """Residuals with `scene`."""
+    unconstrained: ResidualStatistics
+    """Residuals of the best estimate, in which the inertia of `constrained` is that of no body."""
+    constrained: tuple[str, ...]
+    """Links whose inertia was changed to that of a body."""
     condition: float
     """Condition number of the scaled regressor of the estimated parameters."""
     covariance: np.ndarray

@@ -30,11 +30,13 @@ def doubts(found: Calibration, scene: Scene, recordings: list[FreeMotion]) -> tu
         scene: The scene before.
         recordings: What was calibrated with.
     """
-    # Only sums over links are determined: the tensor of one may be that of no body.
+    # Only sums over links are determined: the tensor of one may be far from the robot's data.
     own = {*load_warnings(scene), *tensor_warnings(found.scene)}
     reasons = [*_impossible(found), *(text for text in load_warnings(found.scene) if text not in own)]
     free = [_without_contacts(part, found) for part in recordings]
-    for checked, corrected in ((scene, ESTIMATED), (found.scene, ())):
+    links = scene.robot.links if found.inertia else ()
+    estimated = (*ESTIMATED, *(f"inertia.{link.name}" for link in links))
+    for checked, corrected in ((scene, estimated), (found.scene, ())):
         try:
             result = check(checked, free)
         except (CheckError, ValueError):  # such as too short a motion: nothing is known

@@ -110,6 +110,12 @@ def _changes(found: Calibration, scene: Scene) -> tuple[str, ...]:
         lines.append(f"tool: {_tool(scene)}, as before")
     if found.inertia:
         lines.append(f"inertia of the links: {len(found.inertia)} parameters, listed by --verbose")
+    if found.constrained:
+        rise = np.nanmax(found.after.rms / found.unconstrained.rms) - 1.0
+        lines.append(
+            f"constrained to the inertia that bodies have: {', '.join(found.constrained)}. The RMS of a "
+            f"residual rises by up to {100.0 * rise:.1f} %"
+        )
     if same:
         lines.append(f"confirmed within {CHANGED:g} standard deviations: {', '.join(same)}")
     return tuple(lines)

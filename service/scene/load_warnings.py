@@ -43,7 +43,7 @@ def _masses(scene: Scene) -> Iterator[str]:
 def tensor_warnings(scene: Scene) -> Iterator[str]:
     """Inertia of links that no body has, or that is far from the robot's data, one line each.
 
-    A scene may have such an inertia: motion determines only sums over links, so calibration may state one.
+    A scene may have such an inertia, as calibrations of links once stated it.
     """
     for link in scene.robot.links:
         stated = (scene.inertia or {}).get(link.name)
@@ -53,8 +53,7 @@ def tensor_warnings(scene: Scene) -> Iterator[str]:
             check_principal_moments(stated.inertia.tensor)
         except ValueError as error:
             yield (
-                f"inertia.{link.name}.tensor: {error}; only `contactsense calibrate --links` may write such "
-                "a tensor"
+                f"inertia.{link.name}.tensor: {error}; `contactsense calibrate --links` writes that of a body"
             )
             continue
         own, known = (float(np.linalg.eigvalsh(i.tensor)[2]) for i in (stated.inertia, link.inertia))
