@@ -10,13 +10,14 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from contactsense import JointTorqueSensor, Scene, WrenchSensor, robots
+from contactsense.benchmarks.calibration.link_load import with_load
 from contactsense.benchmarks.calibration.link_sensor_draws import (
     LINK_MISTAKES,
     Mistake,
     direction,
     with_sensor,
 )
-from contactsense.benchmarks.calibration.simulate import Motion, simulate
+from contactsense.benchmarks.calibration.simulate import Motion, arm_of, simulate
 from contactsense.calibration import FreeMotion
 from contactsense.calibration.fourier_trajectory import FourierTrajectory
 from contactsense.robots.tool import Tool
@@ -320,11 +321,25 @@ def _other_zero(scene: Scene, recording: FreeMotion, rng: np.random.Generator) -
     return scene, replace(recording, q=recording.q + offset)
 
 
+def _loaded(scene: Scene, recording: FreeMotion, rng: np.random.Generator) -> tuple[Scene, FreeMotion]:
+    forearm = arm_of(scene).links[scene.robot.link_names.index("forearm")].inertia
+    place = forearm.com * rng.uniform(0.5, 1.5) + rng.uniform(0.0, 0.1) * direction(rng)
+    return scene, with_load(scene, recording, "forearm", float(rng.uniform(1.5, 3.0)), place)
+
+
 def _torques_exchanged(
     scene: Scene, recording: FreeMotion, rng: np.random.Generator
 ) -> tuple[Scene, FreeMotion]:
     assert recording.torque is not None
     return scene, replace(recording, torque=recording.torque[:, _exchanged_joints(rng)])
+
+
+def _late_torques(scene: Scene, recording: FreeMotion, rng: np.random.Generator) -> tuple[Scene, FreeMotion]:
+    assert recording.torque is not None
+    # By whole samples: the noise stays as it is.
+    count = round(float(rng.uniform(0.08, 0.12)) / float(np.median(np.diff(recording.t))))
+    later = recording.part(np.arange(count, len(recording.t)))
+    return scene, replace(later, torque=recording.torque[:-count])
 
 
 def _other_velocities(
@@ -334,6 +349,7 @@ def _other_velocities(
 
 
 MISTAKES: dict[str, tuple[Line, Mistake]] = {
+    "1.5 to 3 kg more on the forearm": ("inertia.forearm", _loaded),
     "mounting tilted by 4 to 30 degrees": ("mounting", _tilted),
     "mounting: one angle with the wrong sign": ("mounting", _tilt_reversed),
     "mounting given in degrees": ("mounting", _in_degrees),
@@ -358,6 +374,7 @@ MISTAKES: dict[str, tuple[Line, Mistake]] = {
     "positions of two joints exchanged": ("joint positions: order", _positions_exchanged),
     "zero of one joint off by 5 to 15 degrees": ("joint positions: zero", _other_zero),
     "torques of two joints exchanged": ("joint torques: order", _torques_exchanged),
+    "joint torques 80 to 120 ms late": ("joint torques: delay", _late_torques),
     "velocities zero, or in degrees": ("joint velocities: agreement", _other_velocities),
 }
 """Kind of mistake -> the wrong line, and how scene and recording follow from the truth."""

@@ -37,6 +37,8 @@ class Candidate:
 
     def explains(self, before: Fit) -> bool:
         """Whether the residual of a sensor, or of the joint that the hypothesis is about, falls markedly."""
+        if self.hypothesis.absorbed:
+            return True
         count, joint = before.residual.shape[1], self.hypothesis.joint
         n = count - 6 * len(before.setup.sensors)
         groups = [slice(0, n), *(slice(first, first + 3) for first in range(n, count, 3))]

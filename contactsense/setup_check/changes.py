@@ -10,9 +10,12 @@ _TOLERANCE: dict[Kind, float] = {
     "tilt": np.radians(1.0),
     "mass": 0.15,
     "com": 0.02,
+    "load": 0.3,
+    "place": 0.1,
     "turn": np.radians(2.0),
     "shift": 0.01,
     "delay": 0.003,
+    "lag": 0.02,
     "force": 0.1,
     "moment": 0.1,
     "wrench": 0.1,
@@ -47,9 +50,16 @@ def _change(group: Free, a: Setup, b: Setup) -> float:
         return abs(a.mass - b.mass)
     if group.kind == "com":
         return float(np.linalg.norm(a.com - b.com))
+    if group.kind == "load":
+        return float(np.abs(a.loads - b.loads).max())
+    if group.kind == "place":
+        # Where nothing was, no place has changed.
+        return float(np.linalg.norm((a.places - b.places)[a.loads > 0.0]))
     if group.kind == "gain":
         known = a.gain != 0.0
         return float(np.abs(np.log(b.gain[known] / a.gain[known])).max())
+    if group.kind == "lag":
+        return abs(a.torque_delay - b.torque_delay)
     one, other = a.sensors[group.field], b.sensors[group.field]
     if group.kind == "turn":
         return float(np.arccos(np.clip((np.trace(one.rotation.T @ other.rotation) - 1.0) / 2.0, -1.0, 1.0)))

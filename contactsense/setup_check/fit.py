@@ -8,6 +8,11 @@ unknown and estimated. With N_c effective rows, twice the negative log posterior
 
 with the penalty of the Bayesian information criterion for k free parameters (G. Schwarz, "Estimating the
 dimension of a model", Annals of Statistics 1978). Differences of costs compare setups.
+
+How well a load on a link is determined depends on the prior of the links' inertia, hardly on the number of
+rows. Each of its parameters is charged 2 ln(scale of its prior / standard deviation) instead of
+ln(sum_c N_c), as in Laplace's approximation of the evidence (R. E. Kass, A. E. Raftery, "Bayes factors",
+Journal of the American Statistical Association 1995).
 """
 
 from collections.abc import Callable, Mapping
@@ -19,6 +24,7 @@ import numpy as np
 from contactsense.calibration.parameters import inertial_scales
 from contactsense.scene import JointTorqueSensor, Scene
 from contactsense.sensors.settings import per_joint
+from contactsense.setup_check.instants import at_delay
 from contactsense.setup_check.lines import wrench_fields
 from contactsense.setup_check.motion_basis import MotionBases, MotionBasis, Readings
 from contactsense.setup_check.setup import BASE, Free, Kind, Order, Setup, in_order
@@ -38,12 +44,14 @@ _SMALLEST_SIGMA = 0.1
 _WEIGHTINGS = 4
 _STEPS = 6
 _STEP_LIMIT: dict[Kind, float] = {
-    "zero": 0.3, "tilt": 0.5, "mass": 10.0, "com": 0.3, "turn": 0.5, "shift": 0.3, "delay": 0.03,
+    "zero": 0.3, "tilt": 0.5, "mass": 10.0, "com": 0.3, "load": 3.0, "place": 0.3,
+    "turn": 0.5, "shift": 0.3, "delay": 0.03, "lag": 0.03,
     "force": 0.7, "moment": 0.7, "wrench": 0.7, "gain": 0.7,
 }  # fmt: skip
 """Largest change of a parameter in one iteration."""
 _PRIOR: dict[Kind, float] = {
-    "zero": 1.0, "tilt": 1.0, "mass": 20.0, "com": 0.5, "turn": 1.0, "shift": 0.5, "delay": 0.1,
+    "zero": 1.0, "tilt": 1.0, "mass": 20.0, "com": 0.5, "load": 5.0, "place": 0.3,
+    "turn": 1.0, "shift": 0.5, "delay": 0.1, "lag": 0.1,
     "force": 1.0, "moment": 1.0, "wrench": 1.0, "gain": 1.0,
 }  # fmt: skip
 """Scale of each parameter, far beyond what can be expected; a prior about the last iterate."""
@@ -127,19 +135,25 @@ class Fitter:
 
     def cost(self, fit: Fit) -> float:
         """See the module."""
-        return self._cost(fit.variance, fit.penalty, fit.free, len(fit.residual))
+        return self._cost(fit.variance, fit.penalty, fit.free, fit.std, len(fit.residual))
 
     def foreseen(self, start: Setup, free: tuple[Free, ...]) -> float:
         """The cost to expect of `fit`: that after its first step, if the prediction were linear."""
         prior = np.repeat([_PRIOR[group.kind] for group in free], [group.size for group in free])
         slopes = self._slopes(start, free, prior) if free else np.zeros((0, 0, 0))
         solved = self._solve(start, slopes, prior)
-        return self._cost(solved.variance, solved.penalty, free, len(solved.residual))
+        std = np.sqrt(np.diag(np.linalg.inv(solved.precision)))[: len(prior)] * prior
+        return self._cost(solved.variance, solved.penalty, free, std, len(solved.residual))
 
-    def _cost(self, variance: np.ndarray, penalty: float, free: tuple[Free, ...], count: int) -> float:
+    def _cost(
+        self, variance: np.ndarray, penalty: float, free: tuple[Free, ...], std: np.ndarray, count: int
+    ) -> float:
         rows = count * self.effective[self._channels]
-        k = sum(group.size for group in free)
-        return float(rows @ np.log(variance)) + penalty + k * float(np.log(rows.sum()))
+        sizes = [group.size for group in free]
+        scale = np.repeat([_PRIOR[group.kind] for group in free], sizes)
+        of_load = np.repeat([group.link is not None for group in free], sizes).astype(bool)
+        charge = np.where(of_load, 2.0 * np.log(scale / std), np.log(rows.sum()))
+        return float(rows @ np.log(variance)) + penalty + float(charge.sum())
 
     def set_effective_rows(self, residual: np.ndarray) -> None:
         """Reduce the number of rows by the correlation of neighbouring residuals.
@@ -185,9 +199,10 @@ class Fitter:
 
         def found() -> np.ndarray:
             basis = self._basis(setup)
-            return basis.joints(setup.gravity, setup.meaning == "motor", setup.meaning != "external")
+            gravity, inertia = setup.meaning == "motor", setup.meaning != "external"
+            return basis.joints(setup.gravity, gravity, inertia, setup.torque_delay)
 
-        key = (*_motion(setup), setup.meaning, setup.gravity.tobytes())
+        key = (*_motion(setup), setup.meaning, setup.torque_delay, setup.gravity.tobytes())
         return self._latest("joint_torque", key, found)
 
     def _load_terms(self, setup: Setup, field: str) -> np.ndarray:
@@ -212,20 +227,23 @@ class Fitter:
         first column of each sensor's bias."""
         basis, n = self._basis(setup), self._joints
         size = self._inertia_error * inertial_scales(setup.links)
-        rows, links, drives = len(basis.viscous), 10 * (len(size) - 1), 4 * n
+        rows, links, drives = len(basis.viscous), 10 * (len(size) - 1), 5 * n
         own = sum(6 + 10 * setup.sensors[field].tool_alone for field in self._readings.wrenches)
         found = np.zeros((n + 6 * len(self._fields), rows, links + drives + own))
         # The base does not move, so that its inertia is a bias.
         joints = (self._joint_terms(setup)[:, :, 1:] * size[1:]).reshape(rows, n, -1)
         found[:n, :, :links] = (joints * setup.gain[:, None]).transpose(1, 0, 2)
+        coulomb, late = basis.reversals()
+        viscous, rotor = (at_delay(x, basis.nodes, setup.torque_delay) for x in (basis.viscous, basis.rotor))
         frictional = 0.0 if setup.meaning == "external" else 1.0
         for j in range(n):
-            scale, first = setup.gain[j] * self._drive_prior[j], links + 4 * j
+            scale, first = setup.gain[j] * self._drive_prior[j], links + 5 * j
             # A value that does not follow the torque is a constant of any size.
             found[j, :, first] = scale or self._drive_prior[j]
-            found[j, :, first + 1] = frictional * scale * basis.coulomb[:, j]
-            found[j, :, first + 2] = frictional * scale * basis.viscous[:, j]
-            found[j, :, first + 3] = frictional * 0.3 * scale * basis.rotor[:, j]
+            found[j, :, first + 1] = frictional * scale * coulomb[:, j]
+            found[j, :, first + 2] = frictional * scale * late[:, j]
+            found[j, :, first + 3] = frictional * scale * viscous[:, j]
+            found[j, :, first + 4] = frictional * 0.3 * scale * rotor[:, j]
         first, biases = links + drives, {}
         for field in self._readings.wrenches:
             sensor, rates = setup.sensors[field], setup.reading_per_wrench(field)

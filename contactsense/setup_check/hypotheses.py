@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 from contactsense.scene import Scene
 from contactsense.sensors.settings import CURRENTS, Meaning
 from contactsense.setup_check.hypothesis import Hypothesis
-from contactsense.setup_check.lines import sensor_lines
+from contactsense.setup_check.lines import DELAYED_TORQUES, sensor_lines
+from contactsense.setup_check.load_hypotheses import link_loads
 from contactsense.setup_check.order_hypotheses import angle_orders, torque_orders
 from contactsense.setup_check.scale_hypotheses import sensor_scales, torque_scales
 from contactsense.setup_check.setup import Free, Setup
@@ -46,7 +47,12 @@ class Hypotheses:
 
     def of(self, setup: Setup) -> list[Hypothesis]:
         """All single changes of a setup."""
-        found = [*self._arm(setup), self._mounting(setup), *self._tool(setup)]
+        found = [
+            *self._arm(setup),
+            self._mounting(setup),
+            *link_loads(self._scene, setup),
+            *self._tool(setup),
+        ]
         if self._torque:
             found += self._torques(setup)
         for field in self._fields:
@@ -106,6 +112,7 @@ class Hypotheses:
             Hypothesis("joint_torque.sign", (("", replace(setup, gain=-setup.gain)),)),
             Hypothesis("joint_torque.meaning", tuple(("", replace(setup, meaning=m)) for m in others)),
             *torque_orders(setup),
+            Hypothesis(DELAYED_TORQUES, _late(setup), (Free("lag"),)),
         ]
         if reads_other_signal(setup, self._scene):
             return found
@@ -140,6 +147,11 @@ class Hypotheses:
         names = {line: re.split(r"\.|: ", line)[-1] for line in sensor_lines(field)}
         single = [replace(found[name], line=line) for line, name in names.items() if name in found]
         return [*single, *sensor_scales(field, setup)]
+
+
+def _late(setup: Setup) -> tuple[tuple[str, Setup], ...]:
+    """Joint torques that come earlier or later."""
+    return tuple(("", replace(setup, torque_delay=setup.torque_delay + late)) for late in _DELAYS)
 
 
 def _reordered(field: str, setup: Setup) -> tuple[tuple[str, Setup], ...]:

@@ -17,5 +17,7 @@ class Hypothesis:
     """Continuous parameters to estimate."""
     special: bool = False
     """Whether another hypothesis of the same line includes it: that one says whether the line fits."""
+    absorbed: bool = False
+    """Whether the nuisances can take up the mistake, at the cost of their priors: no residual need fall."""
     joint: int | None = None
     """Index of the joint whose torque alone it explains; None: it is of no single joint."""

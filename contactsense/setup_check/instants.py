@@ -20,6 +20,8 @@ _MOTION_INTERVAL = 0.02
 """The motion is followed at steps of at most this length, or of one sample [s]."""
 _NODE_INTERVAL = 0.05
 """Time between the nodes about an instant [s]."""
+MIDDLE = 2
+"""Place of the instant itself among its nodes."""
 _MAX_ROWS = 400
 """Longer recordings have rows at larger intervals."""
 
@@ -34,14 +36,14 @@ class Instants:
     keep: slice
     """All nodes, among those samples."""
     nodes: np.ndarray
-    """Indices of the nodes of each instant within `keep`, shape (M, 3)."""
+    """Indices of the nodes of each instant within `keep`, shape (M, 5): two before it, itself, two after."""
     samples: np.ndarray
     """Index of each instant's sample in the recording, shape (M,)."""
 
     def node_times(self, t: np.ndarray) -> np.ndarray:
-        """Times of the nodes after the instant, shape (M, 3) [s]; `t`: those of the recording, shape (N,)."""
+        """Times of the nodes after the instant, shape (M, 5) [s]; `t`: those of the recording, shape (N,)."""
         times = t[self.motion][self.keep]
-        return np.asarray(times[self.nodes] - times[self.nodes[:, 1]][:, None])
+        return np.asarray(times[self.nodes] - times[self.nodes[:, MIDDLE]][:, None])
 
 
 def instants(recordings: list[FreeMotion]) -> list[Instants]:
@@ -54,10 +56,40 @@ def instants(recordings: list[FreeMotion]) -> list[Instants]:
         start = int(np.searchsorted(t, t[0] + SETTLING_TIME))
         stride = max(1, round(_NODE_INTERVAL / float(np.median(np.diff(t)))))
         count = len(range(start, len(t), stride))
-        middle = np.arange(1, count - 1, max(1, round(interval / _NODE_INTERVAL)))
-        nodes = middle[:, None] + np.array([-1, 0, 1])
+        middle = np.arange(MIDDLE, count - MIDDLE, max(1, round(interval / _NODE_INTERVAL)))
+        nodes = middle[:, None] + np.arange(-MIDDLE, MIDDLE + 1)
         found.append(Instants(motion, slice(start, None, stride), nodes, motion[start + stride * middle]))
     return found
+
+
+def at_delay(terms: np.ndarray, nodes: np.ndarray, delay: float) -> np.ndarray:
+    """Terms `delay` [s] before each instant, shape (M, ...): on the parabola through the three nearest nodes.
+
+    The prediction is interpolated rather than the readings, whose noise would change with the delay.
+
+    Args:
+        terms: At all nodes, shape (M, 5, ...).
+        nodes: Times of the nodes after the instant [s], shape (M, 5).
+        delay: Up to about 0.1 s, either way.
+    """
+    if delay == 0.0:
+        return terms[:, MIDDLE]
+    nearest = int(np.abs(np.median(nodes, axis=0) + delay).argmin())
+    first = min(max(nearest - 1, 0), nodes.shape[1] - 3)
+    near = slice(first, first + 3)
+    return np.asarray(np.einsum("mk,mk...->m...", _lagrange(nodes[:, near], -delay), terms[:, near]))
+
+
+def _lagrange(nodes: np.ndarray, at: float) -> np.ndarray:
+    """Weights of the parabola through the values at three nodes, shape (M, 3), for its value at `at`."""
+    a, b, c = nodes.T
+    return np.column_stack(
+        (
+            (at - b) * (at - c) / ((a - b) * (a - c)),
+            (at - a) * (at - c) / ((b - a) * (b - c)),
+            (at - a) * (at - b) / ((c - a) * (c - b)),
+        )
+    )
 
 
 def _motion_samples(t: np.ndarray) -> np.ndarray:

@@ -8,6 +8,7 @@ Line = str
 """A field of the scene by its path, or, with a colon, a property of the signals that no field states."""
 VELOCITIES: Line = "joint velocities: agreement"
 ZEROS: Line = "joint positions: zero"
+DELAYED_TORQUES: Line = "joint torques: delay"
 FROZEN_TORQUES: Line = "joint torques: frozen values"
 _ARM: tuple[Line, ...] = (
     "robot", "joint positions: unit", "joint positions: order", ZEROS, VELOCITIES, "mounting", "tool",
@@ -18,7 +19,25 @@ _ARM: tuple[Line, ...] = (
 def lines(scene: Scene) -> tuple[Line, ...]:
     """All lines of a scene that can be checked, in the order in which they are reported."""
     sensors = [line for field in wrench_fields(scene) for line in sensor_lines(field)]
-    return (*_ARM, *sensors, *torque_lines(scene))
+    loads = [inertia_line(scene, link) for link in loaded_links(len(scene.robot.links))]
+    return (*_ARM, *loads, *sensors, *torque_lines(scene))
+
+
+def loaded_links(links: int) -> range:
+    """Indices of the links on which a load is looked for: not the base, whose weight is a bias, nor the last
+    one, whose load is the tool."""
+    return range(1, links - 1)
+
+
+def inertia_line(scene: Scene, link: int) -> Line:
+    """The line that states the inertia of a link, by its index."""
+    return f"inertia.{scene.robot.link_names[link]}"
+
+
+def loaded_link(scene: Scene, line: Line) -> int | None:
+    """Index of the link whose inertia a line states; None: it states none."""
+    found = [k for k in loaded_links(len(scene.robot.links)) if inertia_line(scene, k) == line]
+    return found[0] if found else None
 
 
 def torque_lines(scene: Scene) -> tuple[Line, ...]:
@@ -29,6 +48,7 @@ def torque_lines(scene: Scene) -> tuple[Line, ...]:
         "joint_torque.meaning",
         torque_scale(scene),
         "joint torques: order",
+        DELAYED_TORQUES,
         FROZEN_TORQUES,
     )
 

@@ -19,24 +19,23 @@ from contactsense.kinematics.momenta import kinematics_and_momenta
 from contactsense.residuals.momentum_observer import MomentumObserver, empty_observer, start_step
 from contactsense.robots import Robot
 from contactsense.robots.jit.kernel import kernel
-from contactsense.setup_check.instants import Instants
+from contactsense.setup_check.instants import Instants, at_delay
 
 
 @dataclass(frozen=True)
 class LoadTerms:
     """Terms of K bodies, those of a link and of all beyond it, in that link's axes about its origin.
 
-    They are known at three nodes about each of M instants, so that the delay of a sensor can be changed: the
-    prediction is interpolated rather than the readings, whose noise would change with the delay.
+    They are known at five nodes about each of M instants, so that the delay of a sensor can be changed.
     """
 
     gravity: np.ndarray
-    """Wrench of the bodies per gravity component in base axes and inertial parameter, at the nodes before, at
-    and after each instant, shape (3, M, 3, 6, K, 10)."""
+    """Wrench of the bodies per gravity component in base axes and inertial parameter, at the nodes about each
+    instant, shape (3, M, 5, 6, K, 10)."""
     dynamics: np.ndarray
-    """The same for the motion alone, shape (M, 3, 6, K, 10)."""
+    """The same for the motion alone, shape (M, 5, 6, K, 10)."""
     nodes: np.ndarray
-    """Times of the nodes after the instant [s], shape (M, 3)."""
+    """Times of the nodes after the instant [s], shape (M, 5)."""
 
     @classmethod
     def joined(cls, parts: list[Self]) -> Self:
@@ -50,22 +49,8 @@ class LoadTerms:
     def at(self, gravity: np.ndarray, delay: float) -> np.ndarray:
         """Wrench per inertial parameter `delay` [s] before each instant, shape (M, 6, K, 10), under `gravity`
         (3,) in base axes [m/s^2]."""
-        if delay == 0.0:
-            return np.asarray(np.tensordot(gravity, self.gravity[:, :, 1], 1) + self.dynamics[:, 1])
-        terms = np.tensordot(gravity, self.gravity, 1) + self.dynamics
-        return np.asarray(np.einsum("mk,mkclp->mclp", _lagrange(self.nodes, -delay), terms))
-
-
-def _lagrange(nodes: np.ndarray, at: float) -> np.ndarray:
-    """Weights of the parabola through the values at three nodes, shape (M, 3), for its value at `at`."""
-    a, b, c = nodes.T
-    return np.column_stack(
-        (
-            (at - b) * (at - c) / ((a - b) * (a - c)),
-            (at - a) * (at - c) / ((b - a) * (b - c)),
-            (at - a) * (at - b) / ((c - a) * (c - b)),
-        )
-    )
+        axes = [at_delay(axis, self.nodes, delay) for axis in self.gravity]
+        return np.asarray(np.tensordot(gravity, axes, 1) + at_delay(self.dynamics, self.nodes, delay))
 
 
 def load_terms(robot: Robot, part: FreeMotion, at: Instants, body: int, bandwidth: float) -> LoadTerms:

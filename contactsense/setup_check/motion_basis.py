@@ -18,7 +18,7 @@ from contactsense.calibration.residual_jacobian import inertial_columns
 from contactsense.residuals.momentum_observer import noise_variance_ratio
 from contactsense.robots import Robot
 from contactsense.scene import JointTorqueSensor, Scene, WrenchSensor
-from contactsense.setup_check.instants import BANDWIDTH, Instants, instants
+from contactsense.setup_check.instants import BANDWIDTH, Instants, at_delay, instants
 from contactsense.setup_check.lines import wrench_fields
 from contactsense.setup_check.load_terms import LoadTerms, load_terms
 from contactsense.setup_check.setup import Order, in_order
@@ -46,15 +46,16 @@ class MotionBasis:
     """Filtered terms at M instants of one or more recordings, for one arm with n joints and L links."""
 
     joint_gravity: np.ndarray
-    """Joint torques per gravity component and inertial parameter, shape (3, M, n, L, 10)."""
+    """Joint torques per gravity component and inertial parameter, at the five nodes about each instant, shape
+    (3, M, 5, n, L, 10)."""
     joint_dynamics: np.ndarray
-    """The same for the motion alone, shape (M, n, L, 10)."""
+    """The same for the motion alone, shape (M, 5, n, L, 10)."""
     rotor: np.ndarray
-    """Joint accelerations [rad/s^2], shape (M, n)."""
+    """Joint accelerations at the nodes [rad/s^2], shape (M, 5, n)."""
     coulomb: np.ndarray
-    """Smooth signs of the joint velocities, shape (M, n)."""
+    """Smooth signs of the joint velocities, shape (M, 5, n)."""
     viscous: np.ndarray
-    """Joint velocities [rad/s], shape (M, n)."""
+    """Joint velocities [rad/s], shape (M, 5, n)."""
     loads: Loads
     """Terms of the force/torque sensors."""
 
@@ -72,14 +73,36 @@ class MotionBasis:
             Loads(scene.robot, recordings, LoadTerms.joined(list(base))),
         )
 
-    def joints(self, gravity: np.ndarray, with_gravity: bool, with_inertia: bool) -> np.ndarray:
-        """Torques per inertial parameter, shape (M, n, L, 10), under `gravity` (3,) in base axes [m/s^2]."""
-        terms = np.zeros_like(self.joint_dynamics)
+    @property
+    def nodes(self) -> np.ndarray:
+        """Times of the nodes after the instants [s], shape (M, 5)."""
+        return self.loads.of(0).nodes
+
+    def joints(self, gravity: np.ndarray, with_gravity: bool, with_inertia: bool, delay: float) -> np.ndarray:
+        """Torques per inertial parameter, shape (M, n, L, 10), `delay` [s] before each instant, under
+        `gravity` (3,) in base axes [m/s^2]."""
+        dynamics = at_delay(self.joint_dynamics, self.nodes, delay)
+        terms = np.zeros_like(dynamics)
         if with_gravity:
-            terms += np.tensordot(gravity, self.joint_gravity, 1)
-        return terms + self.joint_dynamics if with_inertia else terms
+            terms += np.tensordot(
+                gravity, [at_delay(axis, self.nodes, delay) for axis in self.joint_gravity], 1
+            )
+        return terms + dynamics if with_inertia else terms
+
+    def reversals(self) -> tuple[np.ndarray, np.ndarray]:
+        """`coulomb` at the instants and `_LATE_REVERSAL` before them, shape (M, n) each.
+
+        Friction reverses later than the velocity, after a small displacement (B. Armstrong-Helouvry, P.
+        Dupont, C. Canudas de Wit, "A survey of models, analysis tools and compensation methods for the
+        control of machines with friction", Automatica 1994). So the friction of every setup may reverse
+        late, and only weight and inertia tell the delay of the torques.
+        """
+        late = at_delay(self.coulomb, self.nodes, _LATE_REVERSAL)
+        return at_delay(self.coulomb, self.nodes, 0.0), late
 
 
+_LATE_REVERSAL = 0.1
+"""By how much friction may reverse later than the velocity [s]."""
 _LATEST = 4
 """Terms that are kept where joints have other zeros: a fit returns to the latest, and then moves on."""
 _Motion = tuple[str, float, Order, tuple[float, ...]]
@@ -166,20 +189,19 @@ def _terms(
     """Terms of the joints, of the base sensor, and of rotors and friction."""
     n = part.q.shape[1]
     arm, times = _massless(scene), at.node_times(part.t)
-    middle = at.nodes[:, 1]
     part = FreeMotion(part.t[at.motion], part.q[at.motion], part.qd[at.motion])
 
     def columns(gravity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         found = inertial_columns(arm, part, gravity, BANDWIDTH, at.keep)
         # The observer's residual is model minus measurement for joints, the reverse for the base.
-        return found[middle, :n], -found[at.nodes, n:]
+        return found[at.nodes, :n], -found[at.nodes, n:]
 
     joints, base = columns(np.zeros(3))
     by_axis = [columns(axis) for axis in np.eye(3)]
     still = replace(part, torque=np.zeros_like(part.q))
     ones = np.ones(n)
     rotor, coulomb, viscous = (
-        residuals(arm.with_values(**{name: ones}), still, BANDWIDTH)[at.keep][middle, :n]
+        residuals(arm.with_values(**{name: ones}), still, BANDWIDTH)[at.keep][at.nodes, :n]
         for name in ("rotor", "coulomb", "viscous")
     )
     loads = LoadTerms(np.array([axis[1] - base for axis in by_axis]), base, times)

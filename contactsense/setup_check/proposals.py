@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from contactsense.kinematics.regressor import bodies_of
 from contactsense.scene import Scene
 from contactsense.setup_check.hypotheses import (
     mounting_mistakes,
@@ -11,7 +12,15 @@ from contactsense.setup_check.hypotheses import (
     signed_permutations,
     torque_constants,
 )
-from contactsense.setup_check.lines import FROZEN_TORQUES, ZEROS, Line, sensor_of, torque_scale
+from contactsense.setup_check.lines import (
+    DELAYED_TORQUES,
+    FROZEN_TORQUES,
+    ZEROS,
+    Line,
+    loaded_link,
+    sensor_of,
+    torque_scale,
+)
 from contactsense.setup_check.scale_hypotheses import torque_remark, unit_remark
 from contactsense.setup_check.setup import Order, SensorSetup, Setup
 
@@ -33,6 +42,9 @@ def written(line: Line, setup: Setup, scene: Scene) -> tuple[str, str]:
     if line in ("tool", "tool.mass", "tool.com"):
         mass, com = f"{setup.mass:.3g}", _vector(setup.com, 3)
         return {"tool.mass": mass, "tool.com": com}.get(line, f"mass {mass}, com {com}"), ""
+    link = loaded_link(scene, line)
+    if link is not None:
+        return _inertia(link, setup)
     field = sensor_of(scene, line)
     if field is not None:
         if line.endswith(".rpy"):
@@ -51,6 +63,9 @@ def written(line: Line, setup: Setup, scene: Scene) -> tuple[str, str]:
         return _zeros(setup, scene), ""
     if line == "joint torques: order":
         return _places(setup.torque_order), ""
+    if line == DELAYED_TORQUES:
+        late = round(1e3 * setup.torque_delay)
+        return "none" if late == 0 else f"{abs(late)} ms {'late' if late > 0 else 'early'}", ""
     if line == FROZEN_TORQUES:
         still = zip(scene.robot.joints, setup.gain, strict=True)
         return ", ".join(joint.name for joint, gain in still if gain == 0.0) or "none", ""
@@ -102,6 +117,19 @@ def _zeros(setup: Setup, scene: Scene) -> str:
     changed = zip(scene.robot.joints, degrees, strict=True)
     parts = [f"{joint.name} {angle:+g} degrees" for joint, angle in changed if angle != 0.0]
     return ", ".join(parts) or "as read"
+
+
+def _inertia(link: int, setup: Setup) -> tuple[str, str]:
+    """The inertia of a link with its load as a scene states it, and the load."""
+    masses, coms, tensors = bodies_of(setup.loaded_links)
+    tensor = ", ".join(f"{x + 0.0:.3g}" for x in tensors[link][np.triu_indices(3)])
+    text = f"{{mass: {masses[link]:.3g}, com: {_vector(coms[link], 3)}, tensor: [{tensor}]}}"
+    load = setup.loads[link]
+    remark = (
+        f"a load of about {load:.2g} kg at {_vector(setup.places[link], 2)} m in the link's frame, which "
+        "neither scene nor robot states"
+    )
+    return text, remark if load > 0.0 else ""
 
 
 def _torque_scale(setup: Setup, scene: Scene) -> tuple[str, str]:

@@ -16,11 +16,11 @@ from contactsense.setup_check.candidate import Candidate
 from contactsense.setup_check.change import Change
 from contactsense.setup_check.changes import matters
 from contactsense.setup_check.explanation import (
-    EVIDENCE,
     EXCLUDED,
     Explanation,
     change_of,
     exchanged,
+    needed,
     pairs,
 )
 from contactsense.setup_check.fit import Fit, Fitter
@@ -72,7 +72,7 @@ def searched(fitter: Fitter, hypotheses: Hypotheses, stated: Setup, progress: Ca
         changes = found.changes if found is not None else ()
         if len(changes) >= _MOST or number == _ROUNDS - 1:
             break
-        if best is not None and fitter.cost(now) - fitter.cost(best.fit) >= EVIDENCE:
+        if best is not None and fitter.cost(now) - fitter.cost(best.fit) >= needed(best.hypothesis.line):
             change = change_of(best, setup)
             if found is None:
                 found = Explanation(
@@ -105,7 +105,7 @@ def _pair(
     if _far(fitter, best.fit):
         return None
     fitter.set_effective_rows(best.fit.residual)
-    if fitter.cost(now) - fitter.cost(best.fit) < 2.0 * EVIDENCE:
+    if fitter.cost(now) - fitter.cost(best.fit) < sum(map(needed, best.lines)):
         return None
     return exchanged(fitter, hypotheses, stated, best.changes)
 

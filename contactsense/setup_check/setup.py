@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from contactsense.calibration.calibration_model import CalibrationModel
-from contactsense.kinematics.regressor import parameters_of
+from contactsense.kinematics.regressor import bodies_of, parameters_of
 from contactsense.kinematics.wrench_transform import wrench_transform
 from contactsense.robots import Inertia
 from contactsense.robots.tool import move_inertia
@@ -17,21 +17,26 @@ from contactsense.scene import JointTorqueSensor, Scene, WrenchSensor
 from contactsense.scene_model.link_sensors import mounts
 from contactsense.sensors.settings import Meaning
 
-Kind = Literal["zero", "tilt", "mass", "com", "turn", "shift", "delay", "force", "moment", "wrench", "gain"]
+Kind = Literal[
+    "zero", "tilt", "mass", "com", "load", "place", "turn", "shift", "delay", "lag", "force", "moment",
+    "wrench", "gain",
+]  # fmt: skip
 """A kind of continuous parameters:
 
 - `zero`: of one joint: what is added to its position as read [rad];
 - `tilt`: direction of gravity, about the two base axes that change it most [rad];
 - `mass`, `com`: of the tool [kg, m];
+- `load`, `place`: mass and centre of mass of a load on a link, link frame [kg, m];
 - `turn`, `shift`: of a force/torque sensor: its rotation vector [rad] and displacement [m], in the axes of
   the frame in which the scene gives its pose;
 - `delay`: of its readings [s];
+- `lag`: delay of the joint torques [s];
 - `force`, `moment`, `wrench`: natural logarithm of the scale of its forces, of its moments, of both;
 - `gain`: the same of the joint torques, of all or of one joint.
 """
 SIZES: dict[Kind, int] = {
-    "zero": 1, "tilt": 2, "mass": 1, "com": 3, "turn": 3, "shift": 3, "delay": 1,
-    "force": 1, "moment": 1, "wrench": 1, "gain": 1,
+    "zero": 1, "tilt": 2, "mass": 1, "com": 3, "load": 1, "place": 3, "turn": 3, "shift": 3, "delay": 1,
+    "lag": 1, "force": 1, "moment": 1, "wrench": 1, "gain": 1,
 }  # fmt: skip
 """Number of parameters of each kind."""
 BASE = "base_wrench"
@@ -47,6 +52,8 @@ class Free(NamedTuple):
     """Field of the scene of the force/torque sensor; empty: the group is of no sensor."""
     joint: int | None = None
     """Index of the joint; None: all joints."""
+    link: int | None = None
+    """Index of the link that a load is on, the base being 0; None: the group is of no load."""
 
     @property
     def size(self) -> int:
@@ -130,6 +137,10 @@ class Setup:
     """Of the tool, flange frame, shape (3,) [m]."""
     tensor: np.ndarray
     """Inertia of the tool about its centre of mass, flange axes, shape (3, 3) [kg m^2]."""
+    loads: np.ndarray
+    """Masses on the links, as points, that the scene does not state, shape (L,) [kg]."""
+    places: np.ndarray
+    """Where they are, or would be, in each link's frame, shape (L, 3) [m]."""
     sensors: Mapping[str, SensorSetup]
     """The force/torque sensors by field of the scene, the base sensor first."""
     gain: np.ndarray
@@ -142,33 +153,40 @@ class Setup:
     """What is added to each joint position, in the arm's order [rad]."""
     torque_order: Order
     """Of the joint torques."""
+    torque_delay: float
+    """By how much they come later than the joint positions [s]."""
 
     @classmethod
     def of(cls, scene: Scene) -> Self:
         """What the scene states."""
         torque = scene.joint_torque or JointTorqueSensor()
         tool = scene.tool_inertia
+        links = CalibrationModel.of(scene).links
         return cls(
             robot=scene.robot.name,
             angle_unit=1.0,
-            links=CalibrationModel.of(scene).links,
+            links=links,
             flange=(scene.robot.flange_rotation, scene.robot.flange_translation),
             gravity=scene.gravity_base,
             mass=tool.mass,
             com=np.asarray(tool.com, dtype=float),
             tensor=tool.tensor,
+            loads=np.zeros(len(links)),
+            places=bodies_of(links)[1],
             sensors=_sensors(scene),
             gain=np.ones(len(scene.robot.joints)),
             meaning=torque.contains,
             angle_order=plain_order(len(scene.robot.joints)),
             torque_order=plain_order(len(scene.robot.joints)),
             angle_zero=(0.0,) * len(scene.robot.joints),
+            torque_delay=0.0,
         )
 
     def with_robot(self, scene: Scene) -> Self:
         """The same cell with the arm of another scene."""
         other = Setup.of(scene)
-        return replace(self, robot=other.robot, links=other.links, flange=other.flange)
+        places = np.where(self.loads[:, None] > 0.0, self.places, other.places)
+        return replace(self, robot=other.robot, links=other.links, flange=other.flange, places=places)
 
     def moved(self, free: tuple[Free, ...], step: np.ndarray) -> Self:
         """A copy with these groups changed by their parts of `step`, in order; a mass stays positive."""
@@ -187,6 +205,16 @@ class Setup:
                 changed = replace(changed, mass=max(0.0, changed.mass + float(part[0])))
             elif group.kind == "com":
                 changed = replace(changed, com=changed.com + part)
+            elif group.kind == "load":
+                loads = changed.loads.copy()
+                loads[group.link] = max(0.0, loads[group.link] + part[0])
+                changed = replace(changed, loads=loads)
+            elif group.kind == "place":
+                places = changed.places.copy()
+                places[group.link] += part
+                changed = replace(changed, places=places)
+            elif group.kind == "lag":
+                changed = replace(changed, torque_delay=changed.torque_delay + float(part[0]))
             elif group.kind == "gain":
                 scaled = changed.gain.copy()
                 scaled[slice(None) if group.joint is None else group.joint] *= np.exp(part[0])
@@ -196,9 +224,17 @@ class Setup:
         return changed
 
     @cached_property
-    def bodies(self) -> np.ndarray:
-        """Inertial parameters of the links, the tool in the last one, shape (L, 10)."""
+    def loaded_links(self) -> np.ndarray:
+        """Inertial parameters of the links with their loads, without the tool, shape (L, 10)."""
         rows = self.links.copy()
+        for link in np.flatnonzero(self.loads):
+            rows[link] += parameters_of(Inertia(self.loads[link], self.places[link], np.zeros((3, 3))))
+        return rows
+
+    @cached_property
+    def bodies(self) -> np.ndarray:
+        """The same with the tool in the last link, shape (L, 10)."""
+        rows = self.loaded_links.copy()
         rows[-1] += parameters_of(move_inertia(Inertia(self.mass, self.com, self.tensor), *self.flange))
         return rows
 
@@ -206,7 +242,7 @@ class Setup:
         """Inertial parameters of the K bodies of `contactsense.setup_check.load_terms` as far as a sensor
         carries them, shape (K, 10)."""
         sensor = self.sensors[field]
-        return (self.bodies - self.links if sensor.tool_alone else self.bodies)[sensor.body :]
+        return (self.bodies - self.loaded_links if sensor.tool_alone else self.bodies)[sensor.body :]
 
     def reading_per_wrench(self, field: str) -> np.ndarray:
         """Values of a sensor as read per wrench on it, axes and origin of the link in which it rests, shape

@@ -1,0 +1,52 @@
+"""Something is mounted on a link, and neither scene nor robot states it."""
+
+import re
+
+import numpy as np
+import pytest
+import yaml
+
+from contactsense.benchmarks.calibration.link_load import with_load
+from contactsense.benchmarks.calibration.setup_draws import Case, Settings, right_setup
+from contactsense.sensors.settings import LinkInertia
+from contactsense.setup_check import check
+
+DRAWN = Settings(seconds=12.0)
+PLACE = np.array([-0.15, 0.05, 0.1])
+
+
+def _loaded(link: str, mass: float, seed: int = 1) -> Case:
+    case = right_setup("ur5e", seed, DRAWN)
+    return Case(case.scene, with_load(case.scene, case.recording, link, mass, PLACE), None)
+
+
+def test_a_load_on_the_forearm_is_named_with_its_mass_and_place() -> None:
+    """The prior of the links' inertia took it up, and nothing contradicted the scene."""
+    case = _loaded("forearm", 1.5)
+    (item,) = check(case.scene, [case.recording]).wrong
+    assert item.line == "inertia.forearm"
+    said = re.match(r"a load of about (\S+) kg at (\[.*\]) m in the link's frame", item.remark)
+    assert said is not None
+    assert float(said[1]) == pytest.approx(1.5, abs=0.4)
+    np.testing.assert_allclose(yaml.safe_load(said[2]), PLACE, atol=0.06)
+
+
+def test_the_proposed_inertia_cures_the_scene() -> None:
+    case = _loaded("forearm", 2.5)
+    (item,) = check(case.scene, [case.recording]).wrong
+    assert item.proposed is not None
+    stated = LinkInertia.model_validate(yaml.safe_load(item.proposed))
+    cured = case.scene.model_copy(update={"inertia": {"forearm": stated}})
+    assert check(cured, [case.recording]).fits
+
+
+def test_the_mass_of_a_link_that_is_a_tenth_off_is_no_load() -> None:
+    case = _loaded("forearm", 0.28)
+    assert check(case.scene, [case.recording]).fits
+
+
+def test_nothing_is_said_of_the_loads_of_a_right_scene() -> None:
+    """This motion does not determine that of the shoulder, nor hardly that of the upper arm."""
+    case = right_setup("ur5e", 1, DRAWN)
+    found = check(case.scene, [case.recording])
+    assert not [item for item in found.findings if item.line.startswith("inertia.")]
