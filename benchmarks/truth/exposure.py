@@ -83,5 +83,7 @@ class Exposure:
 
 def _two_sided(spec: mujoco.MjSpec, body: mujoco.MjsBody, link: Link) -> None:
     """A link's mesh with every facet twice: MuJoCo's rays pass a facet from behind."""
+    if not len(link.faces):
+        return
     faces = np.concatenate((link.faces, link.faces[:, ::-1]))
     add_mesh(spec, body, link.name, link.vertices, faces, collides=False)

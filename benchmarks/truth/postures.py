@@ -27,7 +27,7 @@ class Postures:
         self._arm = arm
         self._model = with_shapes(arm, _convex_pieces)
         self._data = mujoco.MjData(self._model)
-        self._vertices = [link.vertices[ConvexHull(link.vertices).vertices] for link in arm.links]
+        self._vertices = [_extreme(link.vertices) for link in arm.links]
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
         """A free posture, uniform within the limits, shape (n,) [rad]."""
@@ -41,16 +41,25 @@ class Postures:
         """Whether no link meets another one, neighbours excepted, or is below the mounting plane."""
         self._data.qpos[:] = q
         mujoco.mj_kinematics(self._model, self._data)
-        for link in range(_FIXED, len(self._vertices)):
+        for link, vertices in enumerate(self._vertices):
+            if link < _FIXED or not len(vertices):
+                continue
             up = self._data.xmat[link + 1].reshape(3, 3)[2]
-            if self._data.xpos[link + 1, 2] + (self._vertices[link] @ up).min() < 0.0:
+            if self._data.xpos[link + 1, 2] + (vertices @ up).min() < 0.0:
                 return False
         mujoco.mj_collision(self._model, self._data)
         return bool(self._data.ncon == 0)
 
 
+def _extreme(vertices: np.ndarray) -> np.ndarray:
+    """Those of the vertices that are on their convex hull; none of none."""
+    return vertices[ConvexHull(vertices).vertices] if len(vertices) else vertices
+
+
 def slices(link: Link) -> list[np.ndarray]:
     """Points whose convex hulls together contain the visual mesh, shape (K, 3) each, link frame [m]."""
+    if not len(link.vertices):
+        return []
     low, high = link.vertices.min(axis=0), link.vertices.max(axis=0)
     axis = int(np.argmax(high - low))
     cuts = np.linspace(low[axis], high[axis], max(2, round((high[axis] - low[axis]) / _SLICE) + 1))

@@ -89,11 +89,11 @@ def _chain(arm: Arm, add: Callable[[mujoco.MjSpec, mujoco.MjsBody, Link], None])
             name=f"link_{j}",  # a link's own name may be MuJoCo's, such as "world"
             pos=link.origin,
             quat=_quaternion(link.rotation),
-            mass=link.mass,
-            ipos=link.com,
-            fullinertia=link.tensor[(0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)],
-            explicitinertial=True,
         )
+        # A base may be without mass: what does not move needs none.
+        if link.mass > 0.0:
+            body.mass, body.ipos, body.explicitinertial = link.mass, link.com, True
+            body.fullinertia = link.tensor[(0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)]
         if j == 0:
             body.add_site(name=BASE)
         else:

@@ -38,7 +38,7 @@ class Surface:
     def draw(self, rng: np.random.Generator, link: int | None = None) -> Place:
         """A random place, uniform by area over all links or over one of them."""
         if link is None:
-            ends = np.cumsum([summed[-1] for summed in self._summed])
+            ends = np.cumsum([summed[-1] if len(summed) else 0.0 for summed in self._summed])
             link = int(np.searchsorted(ends, rng.random() * ends[-1], side="right"))
         summed = self._summed[link]
         facet = int(np.searchsorted(summed, rng.random() * summed[-1], side="right"))

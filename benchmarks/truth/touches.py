@@ -109,8 +109,9 @@ class Toucher:
     ) -> tuple[Place, Walk]:
         """A place that stays exposed, and the walk over the surface from there."""
         lengths = speed / arrays.RATE * np.arange(len(q))
+        touchable = [link for link, faces in enumerate(self._surface.faces) if len(faces)]
         while True:
-            link = int(rng.integers(0, len(self._surface.corners))) if by_link else None
+            link = touchable[int(rng.integers(0, len(touchable)))] if by_link else None
             for _ in range(_TRIES):
                 place = self._surface.draw(rng, link)
                 if place.link == without or not self._exposed(q[0], place.link, place.point, place.normal):

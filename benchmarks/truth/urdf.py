@@ -17,8 +17,24 @@ def pose(element: ElementTree.Element | None) -> tuple[np.ndarray, np.ndarray]:
     origin = None if element is None else element.find("origin")
     if origin is None:
         return np.zeros(3), np.eye(3)
-    xyz, rpy = (np.array(origin.attrib.get(name, "0 0 0").split(), dtype=float) for name in ("xyz", "rpy"))
+    xyz, rpy = (numbers(origin, name, 3, "0 0 0") for name in ("xyz", "rpy"))
     return xyz, Rotation.from_euler("xyz", rpy).as_matrix()
+
+
+def numbers(element: ElementTree.Element, name: str, count: int, default: str | None = None) -> np.ndarray:
+    """Numbers in an attribute of an element, shape (count,).
+
+    Raises:
+        ValueError: the attribute is missing without a default, or has something else.
+    """
+    text = element.attrib.get(name, default)
+    try:
+        found = np.array((text or "").split(), dtype=float)
+    except ValueError:
+        found = np.empty(0)
+    if len(found) != count or not np.isfinite(found).all():
+        raise ValueError(f"{element.tag}: {name}: expected {count} numbers, got {text!r}")
+    return found
 
 
 def limits(joints: Sequence[ElementTree.Element], path: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -26,20 +42,25 @@ def limits(joints: Sequence[ElementTree.Element], path: Path) -> tuple[np.ndarra
     file; one turn for joints without end.
 
     Raises:
-        ValueError: a joint states no limit.
+        ValueError: a joint states no limit, or none that it can move within.
     """
     positions, speeds = np.empty((2, len(joints))), np.empty(len(joints))
     for j, joint in enumerate(joints):
         stated = joint.find("limit")
-        ends = ("-3.14159265", "3.14159265") if joint.attrib["type"] == "continuous" else (None, None)
-        found = {} if stated is None else stated.attrib
-        values = (found.get("lower", ends[0]), found.get("upper", ends[1]), found.get("velocity"))
-        for name, value in zip(("lower", "upper", "velocity"), values, strict=True):
-            if value is None:
-                raise ValueError(
-                    f"{path}: joint {joint.attrib['name']}: expected a limit with {name}, found none"
-                )
-        positions[0, j], positions[1, j], speeds[j] = (float(value) for value in values if value is not None)
+        if stated is None:
+            raise ValueError(f"{path}: joint {joint.attrib['name']}: expected a limit, found none")
+        turn = (f"{-np.pi}", f"{np.pi}") if joint.attrib["type"] == "continuous" else (None, None)
+        try:
+            positions[0, j] = numbers(stated, "lower", 1, turn[0])[0]
+            positions[1, j] = numbers(stated, "upper", 1, turn[1])[0]
+            speeds[j] = numbers(stated, "velocity", 1)[0]
+        except ValueError as error:
+            raise ValueError(f"{path}: joint {joint.attrib['name']}: {error}") from None
+        if not (positions[0, j] < positions[1, j] and speeds[j] > 0.0):
+            raise ValueError(
+                f"{path}: joint {joint.attrib['name']}: limit: expected lower below upper and velocity above "
+                f"zero, got {positions[0, j]:g}, {positions[1, j]:g} and {speeds[j]:g}"
+            )
     return positions, speeds
 
 
@@ -65,13 +86,13 @@ def solid(shape: ElementTree.Element, path: Path) -> tuple[np.ndarray, np.ndarra
     Raises:
         ValueError: it is none of these.
     """
-    size = {name: [float(number) for number in text.split()] for name, text in shape.attrib.items()}
     if shape.tag == "box":
-        made = trimesh.creation.box(size["size"])
+        made = trimesh.creation.box(numbers(shape, "size", 3))
     elif shape.tag == "cylinder":
-        made = trimesh.creation.cylinder(radius=size["radius"][0], height=size["length"][0])
+        (radius,), (length,) = numbers(shape, "radius", 1), numbers(shape, "length", 1)
+        made = trimesh.creation.cylinder(radius=radius, height=length)
     elif shape.tag == "sphere":
-        made = trimesh.creation.icosphere(radius=size["radius"][0])
+        made = trimesh.creation.icosphere(radius=numbers(shape, "radius", 1)[0])
     else:
         raise ValueError(f"{path}: geometry {shape.tag}: expected mesh, box, cylinder or sphere")
     return np.asarray(made.vertices), np.asarray(made.faces)

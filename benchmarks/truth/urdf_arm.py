@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from .arm import AXIS, Arm, Link
-from .urdf import limits, mesh, mesh_path, pose, solid, symmetric
+from .urdf import limits, mesh, mesh_path, numbers, pose, solid, symmetric
 
 _TURNING = ("revolute", "continuous")
 Element = ElementTree.Element
@@ -50,9 +50,12 @@ class _Body:
         if inertial is None:
             return
         shift, turn = pose(inertial)
-        mass = float(inertial.find("mass").attrib["value"])  # type: ignore[union-attr]
-        values = inertial.find("inertia").attrib  # type: ignore[union-attr]
-        own = symmetric(*(float(values[f"i{axes}"]) for axes in ("xx", "xy", "xz", "yy", "yz", "zz")))
+        found, inertia = inertial.find("mass"), inertial.find("inertia")
+        if found is None or inertia is None:
+            raise ValueError("inertial: expected mass and inertia, found none")
+        mass = numbers(found, "value", 1)[0]
+        axes = ("xx", "xy", "xz", "yy", "yz", "zz")
+        own = symmetric(*(numbers(inertia, f"i{name}", 1)[0] for name in axes))
         com, turn = origin + rotation @ shift, rotation @ turn
         self.mass += mass
         self.moment += mass * com
@@ -95,9 +98,14 @@ def read(path: Path, tip: str | None = None, name: str | None = None, package: s
         body = _Body()
         for part, where in _parts(tree, link, set(names)):
             place[part] = where
-            body.add(tree.links[part], where, path)
+            try:
+                body.add(tree.links[part], where, path)
+            except ValueError as error:
+                raise ValueError(f"{path}: link {part}: {error}") from None
         joint = turning[number - 1] if number else None
         links.append(_finished(body, link, joint, place, path))
+    if not any(len(link.faces) for link in links):
+        raise ValueError(f"{path}: expected links with visual shapes, found none")
     return Arm(name or path.stem, tuple(links), *limits(turning, path), package)
 
 
@@ -105,13 +113,24 @@ def _finished(body: _Body, link: str, joint: Element | None, place: dict[str, Pl
     """A link of the arm behind its joint; `place`: of each part in the link that carries it."""
     if joint is None:
         return body.link(link, HERE, AXIS)
-    if not body.mass > 0.0:
-        raise ValueError(f"{path}: link {link}: expected a mass above zero, as it moves, got none")
-    axis = np.array((_attribute(joint, "axis", "xyz") or "1 0 0").split(), dtype=float)
-    shift, turn = pose(joint)
+    element = joint.find("axis")
+    try:
+        axis = np.array([1.0, 0.0, 0.0]) if element is None else numbers(element, "xyz", 3)
+        shift, turn = pose(joint)
+    except ValueError as error:
+        raise ValueError(f"{path}: joint {joint.attrib['name']}: {error}") from None
+    length = float(np.linalg.norm(axis))
+    if not length > 0.0:
+        raise ValueError(f"{path}: joint {joint.attrib['name']}: expected an axis, got 0 0 0")
     origin, rotation = place[_parent(joint)]
-    where = (origin + rotation @ shift, rotation @ turn)
-    return body.link(link, where, axis / np.linalg.norm(axis))
+    moved = body.link(link, (origin + rotation @ shift, rotation @ turn), axis / length)
+    moments = np.linalg.eigvalsh(moved.tensor)
+    if not (moved.mass > 0.0 and moments[0] > 0.0):
+        raise ValueError(
+            f"{path}: link {link}: expected a mass and principal moments above zero, as it moves, got "
+            f"{moved.mass:g} kg and {', '.join(f'{value:.3g}' for value in moments)} kg m^2"
+        )
+    return moved
 
 
 def _tree(path: Path, document: Element) -> _Tree:
@@ -171,8 +190,8 @@ def _surface(visual: Element, urdf: Path) -> tuple[np.ndarray, np.ndarray]:
         return np.empty((0, 3)), np.empty((0, 3), dtype=np.int64)
     if shape.tag != "mesh":
         return solid(shape, urdf)
-    vertices, faces = mesh(mesh_path(shape.attrib["filename"], urdf))
-    return vertices * np.array(shape.attrib.get("scale", "1 1 1").split(), dtype=float), faces
+    vertices, faces = mesh(mesh_path(shape.attrib.get("filename", ""), urdf))
+    return vertices * numbers(shape, "scale", 3, "1 1 1"), faces
 
 
 def _attribute(element: Element, child: str, name: str) -> str | None:

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from contactsense.benchmarks.truth import simulation, touches
-from contactsense.benchmarks.truth.arm import Arm, Link, read
+from contactsense.benchmarks.truth.arm import AXIS, Arm, Link, read
 from contactsense.benchmarks.truth.exposure import AROUND, NEAR, OPEN, Exposure
 from contactsense.benchmarks.truth.postures import Postures, slices
 from contactsense.benchmarks.truth.schedule import SLIDE, Planned
@@ -22,7 +22,7 @@ def arm() -> Arm:
 
 
 def link_of(mesh: trimesh.Trimesh) -> Link:
-    return Link("", np.zeros(3), np.eye(3), mesh.vertices, mesh.faces, 1.0, np.zeros(3), np.eye(3))
+    return Link("", np.zeros(3), np.eye(3), AXIS, mesh.vertices, mesh.faces, 1.0, np.zeros(3), np.eye(3))
 
 
 def test_postures_that_meet_themselves_or_the_plane_are_rejected(arm: Arm) -> None:

@@ -1,6 +1,7 @@
 """Arms from URDFs of one's own: against the library, which reads the same files with code of its own."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -115,9 +116,25 @@ def test_the_tip_ends_the_arm(urdf: Path) -> None:
     ("text", "changed", "message"),
     [
         ("</robot>", "", "expected a URDF, got a document that cannot be parsed: "),
-        ("revolute", "fixed", "joint waist: expected a limit with velocity, found none"),
-        ('velocity="3"', "", "joint elbow: expected a limit with velocity, found none"),
-        ('lower="-2"', "", "joint elbow: expected a limit with lower, found none"),
+        ('<limit effort="50" velocity="2"/>', "", "joint waist: expected a limit, found none"),
+        ('velocity="3"', "", "joint elbow: limit: velocity: expected 1 numbers, got None"),
+        ('lower="-2"', "", "joint elbow: limit: lower: expected 1 numbers, got None"),
+        (
+            'lower="-2"',
+            'lower="2"',
+            "joint elbow: limit: expected lower below upper and velocity above zero",
+        ),
+        ("0 2 0", "0 0 0", "joint elbow: expected an axis, got 0 0 0"),
+        ("0 2 0", "0 2", "joint elbow: axis: xyz: expected 3 numbers, got '0 2'"),
+        ("0.05 0 0", "0.05 nan 0", "joint elbow: origin: xyz: expected 3 numbers, got '0.05 nan 0'"),
+        ('mass value="1"', 'mass value="one"', "link lower: mass: value: expected 1 numbers, got 'one'"),
+        ('ixx="0.02"', "", "link foot: inertia: ixx: expected 1 numbers, got None"),
+        (
+            'ixx="0.02"',
+            'ixx="-2"',
+            "link trunk: expected a mass and principal moments above zero, as it moves",
+        ),
+        ('scale="0.001 0.001 0.001"', 'scale="0.001"', "link lower: mesh: scale: expected 3 numbers"),
         ("odd_parts/tube.stl", "odd_parts/rod.stl", "rod.stl: expected this file below a folder above"),
         ("sphere", "ball", "geometry ball: expected mesh, box, cylinder or sphere"),
         ('<parent link="foot"/>', '<parent link="lower"/>', "expected a tree of links, got a loop"),
@@ -125,18 +142,32 @@ def test_the_tip_ends_the_arm(urdf: Path) -> None:
     ],
 )
 def test_what_cannot_be_used_is_named(urdf: Path, text: str, changed: str, message: str) -> None:
-    document = URDF.replace('<limit effort="50" velocity="2"/>', "") if text == "revolute" else URDF
-    urdf.write_text(document if text == "revolute" else document.replace(text, changed))
+    urdf.write_text(URDF.replace(text, changed))
     with pytest.raises(ValueError, match=message):
         urdf_arm.read(urdf)
 
 
 def test_moving_links_have_a_mass_and_an_arm_has_joints(urdf: Path) -> None:
     urdf.write_text(URDF.replace(INERTIAL.format(mass=3), "").replace(INERTIAL.format(mass=0.5), ""))
-    with pytest.raises(ValueError, match="link trunk: expected a mass above zero, as it moves, got none"):
+    with pytest.raises(ValueError, match="link trunk: expected a mass and principal moments above zero"):
         urdf_arm.read(urdf)
     urdf.write_text(URDF.replace('"revolute"', '"fixed"').replace('"continuous"', '"fixed"'))
     with pytest.raises(ValueError, match="expected an arm with turning joints, found none"):
+        urdf_arm.read(urdf)
+
+
+def test_links_without_shapes_are_not_touched(urdf: Path, tmp_path: Path) -> None:
+    """A base without mass and shape, as in many URDFs; an arm without any shape has no surface."""
+    shapes = re.compile(r"<visual>.*?</visual>", re.DOTALL)
+    bare = shapes.sub("", URDF, count=1).replace(INERTIAL.format(mass=2), "")
+    urdf.write_text(bare)
+    truth = tmp_path / "truth"
+    done = make("--urdf", str(urdf), "--into", str(truth), "--contacts", "3", "--runs", "1")
+    assert done.exit_code == 0, done.output
+    assert sorted(path.stem for path in (truth / "meshes" / "odd").iterdir()) == ["lower", "trunk"]
+    assert (np.load(truth / "static_points_odd.npz")["link"] > 0).all()
+    urdf.write_text(shapes.sub("", URDF))
+    with pytest.raises(ValueError, match="expected links with visual shapes, found none"):
         urdf_arm.read(urdf)
 
 
