@@ -160,11 +160,16 @@ def _swept(
 def _extended(
     fitter: Fitter, hypotheses: Hypotheses, stated: Setup, rest: tuple[Change, ...], now: Fit
 ) -> list[Explanation]:
-    """Explanations with one line more; `now`: the fit of those changes alone."""
+    """Explanations with one line more; `now`: the fit of those changes alone.
+
+    What the nuisances can take up is tried alone only: beside another line, a load on the last links explains
+    as much as a tool.
+    """
     free, begun, found = _free(rest), made((change.begun() for change in rest), stated), []
     tried = [
         (fitter.foreseen(start, groups(free, hypothesis.free)), hypothesis, start)
         for hypothesis in hypotheses.of(now.setup)
+        if not (rest and hypothesis.absorbed)
         for _, start in hypothesis.starts
     ]
     best: dict[int, tuple[float, Hypothesis, Setup]] = {}

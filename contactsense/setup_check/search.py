@@ -61,11 +61,14 @@ def searched(fitter: Fitter, hypotheses: Hypotheses, stated: Setup, progress: Ca
         progress(f"round {number + 1}")
         fitter.effective[:] = 1.0
         now = fitter.fit(setup)
-        candidates = [Candidate.of(fitter, hypothesis) for hypothesis in hypotheses.of(setup)]
+        # As in `contactsense.setup_check.explanation`, where something else is wrong already.
+        tried = [h for h in hypotheses.of(setup) if not (found is not None and h.absorbed)]
+        candidates = [Candidate.of(fitter, hypothesis) for hypothesis in tried]
         if number == 0:
             # What a second wrong line leaves is correlated, so that few rows would count as independent, and
             # the first of two lines would hardly differ from those that explain nothing.
-            firsts = _by_line(sorted(candidates, key=lambda c: fitter.cost(c.fit)), setup)
+            others = [c for c in candidates if not c.hypothesis.absorbed]
+            firsts = _by_line(sorted(others, key=lambda c: fitter.cost(c.fit)), setup)
         fitter.set_effective_rows(min([now, *(c.fit for c in candidates)], key=fitter.cost).residual)
         ranked = sorted(candidates, key=lambda c: fitter.cost(c.fit))
         best = next((c for c in ranked if matters(now.setup, c.fit) and c.explains(now)), None)
