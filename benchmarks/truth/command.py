@@ -42,7 +42,7 @@ def main() -> None:
 )
 @click.option(
     "--tip",
-    help="Last link of the arm in the URDF.  [default: the end of the longest chain of turning joints]",
+    help="Last link of the arm in the URDF.  [default: the end of the longest chain of revolute joints]",
 )
 @click.option(
     "--into",

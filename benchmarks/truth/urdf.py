@@ -33,7 +33,9 @@ def numbers(element: ElementTree.Element, name: str, count: int, default: str | 
     except ValueError:
         found = np.empty(0)
     if len(found) != count or not np.isfinite(found).all():
-        raise ValueError(f"{element.tag}: {name}: expected {count} numbers, got {text!r}")
+        expected = "a number" if count == 1 else f"{count} numbers"
+        got = "none" if text is None else repr(text)
+        raise ValueError(f"{element.tag}: {name}: expected {expected}, got {got}")
     return found
 
 
@@ -77,10 +79,10 @@ def mesh_path(name: str, urdf: Path) -> Path:
     for folder in urdf.resolve().parents:
         if (folder / inside).is_file():
             return folder / inside
-    raise ValueError(f"{urdf}: {name}: expected this file below a folder above the URDF, found none")
+    raise ValueError(f"{name}: expected this file below a folder above the URDF, found none")
 
 
-def solid(shape: ElementTree.Element, path: Path) -> tuple[np.ndarray, np.ndarray]:
+def solid(shape: ElementTree.Element) -> tuple[np.ndarray, np.ndarray]:
     """Vertices, shape (V, 3) [m], and facets, shape (F, 3), of a box, cylinder or sphere of a URDF.
 
     Raises:
@@ -94,7 +96,7 @@ def solid(shape: ElementTree.Element, path: Path) -> tuple[np.ndarray, np.ndarra
     elif shape.tag == "sphere":
         made = trimesh.creation.icosphere(radius=numbers(shape, "radius", 1)[0])
     else:
-        raise ValueError(f"{path}: geometry {shape.tag}: expected mesh, box, cylinder or sphere")
+        raise ValueError(f"geometry {shape.tag}: expected mesh, box, cylinder or sphere")
     return np.asarray(made.vertices), np.asarray(made.faces)
 
 

@@ -1,4 +1,4 @@
-"""An arm from a URDF: the chain of its turning joints, with the parts that each link carries.
+"""An arm from a URDF: the chain of its revolute joints, with the parts that each link carries.
 
 Parts behind fixed joints belong to the link that carries them, and so do those behind all other joints, such
 as a gripper's, which are held at zero.
@@ -90,7 +90,7 @@ def read(path: Path, tip: str | None = None, name: str | None = None, package: s
     way = _way(tree, tip)
     turning = [joint for joint in way if _turns(joint)]
     if not turning:
-        raise ValueError(f"{path}: expected an arm with turning joints, found none")
+        raise ValueError(f"{path}: expected an arm with revolute joints, found none")
     root = _parent(way[0])
     names = [root, *(_child(joint) for joint in turning)]
     links, place = [], {root: HERE}
@@ -189,9 +189,11 @@ def _surface(visual: Element, urdf: Path) -> tuple[np.ndarray, np.ndarray]:
     if shape is None:
         return np.empty((0, 3)), np.empty((0, 3), dtype=np.int64)
     if shape.tag != "mesh":
-        return solid(shape, urdf)
+        return solid(shape)
     vertices, faces = mesh(mesh_path(shape.attrib.get("filename", ""), urdf))
-    return vertices * numbers(shape, "scale", 3, "1 1 1"), faces
+    scale = numbers(shape, "scale", 3, "1 1 1")
+    # A mirrored facet has its corners in the other order.
+    return vertices * scale, faces if np.prod(scale) > 0.0 else faces[:, ::-1]
 
 
 def _attribute(element: Element, child: str, name: str) -> str | None:

@@ -110,10 +110,16 @@ def calibrate(
     arm, kept = bodies.arm, fitted.kept
     progress("noise and model error")
     usable = [_settled_and_usable(recording, scene.bandwidth) for recording in recordings]
-    before, unconstrained, after = (
+    before, after = (
         [all_residuals(x, s, scene.bandwidth)[rows] for s, rows in zip(recordings, usable, strict=True)]
-        for x in (start, fitted.arm, arm)
+        for x in (start, arm)
     )
+    unconstrained = after
+    if bodies.changed:
+        unconstrained = [
+            all_residuals(fitted.arm, s, scene.bandwidth)[rows]
+            for s, rows in zip(recordings, usable, strict=True)
+        ]
     measured = measured_channels(scene, recordings)
     noise_levels, wrenches = _noise(arm, recordings, usable, after, scene.bandwidth)
     values = tuple(

@@ -12,8 +12,8 @@ Letters 2018). This includes the triangle inequality of the principal moments (S
 Escande, F. Nori, "Identification of fully physical consistent inertial parameters using optimization on
 manifolds", IROS 2016).
 
-The linearized equations with their prior are a quadratic form about the best estimate. It is minimized over
-P = D (L L' + epsilon) D with triangular matrices L, which is positive definite for every L.
+The linearized equations with their prior are a quadratic form about the best estimate. It is minimized with
+a logarithmic barrier that keeps every P positive definite.
 """
 
 from dataclasses import dataclass

@@ -57,8 +57,7 @@ def store_explanation(
 def _place_covariance(joint: JointState, lane: int, i: int, out: np.ndarray) -> None:
     """Covariance of the place of contact i, shape (3, 3) [m^2].
 
-    Torsion moves a place where the real surface is tilted, see
-    `contactsense.localization.candidate_buffers.store_candidate`.
+    Torsion moves a place where the real surface is tilted, see `contactsense.localization.surface_tails`.
     """
     block = joint.contact[i]
     n, tangents = vector_of(block, NX, lane), (vector_of(block, SX, lane), vector_of(block, TX, lane))

@@ -106,6 +106,17 @@ def test_the_surface_is_that_of_the_library(urdf: Path) -> None:
         np.testing.assert_allclose(mesh.bounds, known[link.name].bounds, atol=1e-3)
 
 
+def test_a_mirrored_mesh_has_its_outside_outside(urdf: Path) -> None:
+    def volume() -> float:
+        link = urdf_arm.read(urdf).links[2]
+        return float(trimesh.Trimesh(link.vertices, link.faces).volume)
+
+    plain = volume()
+    urdf.write_text(URDF.replace('scale="0.001 0.001 0.001"', 'scale="0.001 -0.001 0.001"'))
+    assert plain > 0.0
+    assert volume() == pytest.approx(plain)
+
+
 def test_the_tip_ends_the_arm(urdf: Path) -> None:
     arm = urdf_arm.read(urdf, tip="trunk")
     assert [link.name for link in arm.links] == ["world", "trunk"]
@@ -117,8 +128,8 @@ def test_the_tip_ends_the_arm(urdf: Path) -> None:
     [
         ("</robot>", "", "expected a URDF, got a document that cannot be parsed: "),
         ('<limit effort="50" velocity="2"/>', "", "joint waist: expected a limit, found none"),
-        ('velocity="3"', "", "joint elbow: limit: velocity: expected 1 numbers, got None"),
-        ('lower="-2"', "", "joint elbow: limit: lower: expected 1 numbers, got None"),
+        ('velocity="3"', "", "joint elbow: limit: velocity: expected a number, got none"),
+        ('lower="-2"', "", "joint elbow: limit: lower: expected a number, got none"),
         (
             'lower="-2"',
             'lower="2"',
@@ -127,8 +138,8 @@ def test_the_tip_ends_the_arm(urdf: Path) -> None:
         ("0 2 0", "0 0 0", "joint elbow: expected an axis, got 0 0 0"),
         ("0 2 0", "0 2", "joint elbow: axis: xyz: expected 3 numbers, got '0 2'"),
         ("0.05 0 0", "0.05 nan 0", "joint elbow: origin: xyz: expected 3 numbers, got '0.05 nan 0'"),
-        ('mass value="1"', 'mass value="one"', "link lower: mass: value: expected 1 numbers, got 'one'"),
-        ('ixx="0.02"', "", "link foot: inertia: ixx: expected 1 numbers, got None"),
+        ('mass value="1"', 'mass value="one"', "link lower: mass: value: expected a number, got 'one'"),
+        ('ixx="0.02"', "", "link foot: inertia: ixx: expected a number, got none"),
         (
             'ixx="0.02"',
             'ixx="-2"',
@@ -152,7 +163,7 @@ def test_moving_links_have_a_mass_and_an_arm_has_joints(urdf: Path) -> None:
     with pytest.raises(ValueError, match="link trunk: expected a mass and principal moments above zero"):
         urdf_arm.read(urdf)
     urdf.write_text(URDF.replace('"revolute"', '"fixed"').replace('"continuous"', '"fixed"'))
-    with pytest.raises(ValueError, match="expected an arm with turning joints, found none"):
+    with pytest.raises(ValueError, match="expected an arm with revolute joints, found none"):
         urdf_arm.read(urdf)
 
 
