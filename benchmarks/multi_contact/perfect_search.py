@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense import Contact, Estimate, Scene
-from contactsense.multi_contact.buffers import Measurement, MultiContactBuffers, PlacedSurface
+from contactsense.localization.placed_surface import PlacedSurface
+from contactsense.multi_contact.buffers import Measurement, MultiContactBuffers
 from contactsense.multi_contact.contact_step import set_contact, vector_of
 from contactsense.multi_contact.initial_contacts import initialize_known_contact
 from contactsense.multi_contact.joint_layout import FX, LOG_EVIDENCE, NX, PX
@@ -144,7 +145,7 @@ def _optimize_from(
     `buffers.joint`."""
     constants, state = buffer_views(kernel_buffers)
     surfaces, prior, joint = constants.surfaces, constants.prior, buffers.joint
-    surface = PlacedSurface(surfaces, constants.deviations, state.candidates)
+    surface = PlacedSurface(surfaces, constants.deviations, state.frames)
     count = primitive.shape[0]
     change = Change(drift, measured=True)
     measurement = Measurement(buffers.rows, m)

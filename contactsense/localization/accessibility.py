@@ -6,13 +6,12 @@ concave edge, the next face is within it.
 """
 
 import math
-
-import numpy as np
+from typing import NamedTuple
 
 from contactsense.localization.candidate_buffers import Candidates
-from contactsense.localization.local_prior import DeviationCells
 from contactsense.localization.mean_surface_distance import mean_surface_distance
-from contactsense.localization.primitive_frames import Frames
+from contactsense.localization.placed_surface import PlacedSurface
+from contactsense.localization.primitive_frames import Frame
 from contactsense.localization.simd_neighbourhood import (
     QUADRATURE_RINGS,
     accessible_moments,
@@ -44,6 +43,33 @@ FULLY_ACCESSIBLE = 0.98
 """Accessible share above which point and covariance of a candidate are not changed."""
 
 
+class _Coverings(NamedTuple):
+    """Indices of the primitives that may cover points of one link: `first` to `last` - 1, those of the link
+    and of its neighbours; and from `bodies` on, those of the cell's bodies."""
+
+    first: int
+    last: int
+    bodies: int
+    size: int
+    """How many these are."""
+
+
+@inlined_fused_kernel
+def _coverings(surfaces: Surfaces, link: int) -> _Coverings:
+    """The primitives that may cover points of a link."""
+    links = surfaces.start.shape[0] - 1
+    first, last = surfaces.start[max(link - 1, 0)], surfaces.start[min(link + 2, links)]
+    bodies = surfaces.start[links]
+    return _Coverings(first, last, bodies, last - first + surfaces.kind.shape[0] - bodies)
+
+
+@inlined_fused_kernel
+def _covering(coverings: _Coverings, k: int) -> int:
+    """The k-th of them."""
+    own = coverings.last - coverings.first
+    return coverings.first + k if k < own else coverings.bodies + k - own
+
+
 @inlined_fused_kernel
 def _free_height(surfaces: Surfaces, p: int, link: int, height: float) -> float:
     """Height that primitive p must leave free above the points of a link [m]: `height` if it is not one of
@@ -53,17 +79,11 @@ def _free_height(surfaces: Surfaces, p: int, link: int, height: float) -> float:
 
 @inlined_fused_kernel
 def _clearance_from(
-    surfaces: Surfaces,
-    deviations: DeviationCells,
-    frames: Frames,
-    p: int,
-    height: float,
-    c: Vector,
-    n: Vector,
-    reach: float,
+    surface: PlacedSurface, p: int, height: float, c: Vector, n: Vector, reach: float
 ) -> float:
     """Distance from the mean surface of primitive p of the place `height` above a point c with the normal n,
     base frame [m]; at most `reach`."""
+    surfaces, deviations, frames = surface
     o, own_reach = frames.origin[p], reach + deviations.displacement[p]
     dx, dy, dz = c[0] + height * n[0] - o[0], c[1] + height * n[1] - o[1], c[2] + height * n[2] - o[2]
     distance, radius = reach, surfaces.radius[p] + own_reach
@@ -81,22 +101,13 @@ def _clearance_from(
 
 @inlined_fused_kernel
 def clearance(
-    surfaces: Surfaces,
-    deviations: DeviationCells,
-    frames: Frames,
-    excluded: int,
-    c: Vector,
-    n: Vector,
-    height: float,
-    max_distance: float,
+    surface: PlacedSurface, excluded: int, c: Vector, n: Vector, height: float, max_distance: float
 ) -> float:
     """Clearance of a point: distance of the place above it from the mean surface of the nearest other
     primitive of its link or of a neighbouring one, or of a body of the cell that covers [m].
 
     Args:
-        surfaces: Primitives; those beyond the last link's are of bodies that cover.
-        deviations: Where the surface is on average.
-        frames: Their body frames in the base frame.
+        surface: Where all primitives are; those beyond the last link's are of bodies that cover.
         excluded: Primitive that is ignored: the one on which the point lies.
         c, n: The point [m] and the outward normal there, base frame.
         height: Height of the place above it, `OWN_CLEARANCE` for primitives of its own link [m].
@@ -105,16 +116,14 @@ def clearance(
     Returns:
         The clearance, negative inside, at most `max_distance`.
     """
+    surfaces, distance = surface.surfaces, max_distance
     link = surfaces.link[excluded]
-    first = surfaces.start[max(link - 1, 0)]
-    last = surfaces.start[min(link + 2, surfaces.start.shape[0] - 1)]
-    covers = surfaces.start[surfaces.start.shape[0] - 1]
-    distance = max_distance
-    for k in range(last - first + surfaces.kind.shape[0] - covers):
-        p = first + k if k < last - first else covers + k - (last - first)
+    coverings = _coverings(surfaces, link)
+    for k in range(coverings.size):
+        p = _covering(coverings, k)
         if p != excluded:
             above = _free_height(surfaces, p, link, height)
-            distance = _clearance_from(surfaces, deviations, frames, p, above, c, n, distance)
+            distance = _clearance_from(surface, p, above, c, n, distance)
     return distance
 
 
@@ -133,7 +142,7 @@ def accessible_share(margin: float, prior: Prior) -> float:
 
 @fused_kernel
 def candidate_clearance(
-    surfaces: Surfaces, deviations: DeviationCells, candidates: Candidates, row: int, prior: Prior
+    surface: PlacedSurface, candidates: Candidates, row: int, prior: Prior
 ) -> tuple[float, float, float, float, float, int]:
     """`clearance` of a candidate's point, with the height `prior.clearance`.
 
@@ -161,17 +170,15 @@ def candidate_clearance(
     max_deviation = math.sqrt(max(0.5 * (v11 + v22) + math.sqrt(0.25 * (v11 - v22) ** 2 + v12 * v12), 0.0))
     reach = CLEARANCE_SIGMAS * max_deviation
     distance, near = reach, 0
-    place, normal = vector(c), vector(n)
+    place, normal, surfaces = vector(c), vector(n), surface.surfaces
     link = surfaces.link[candidates.primitive[row]]
-    first = surfaces.start[max(link - 1, 0)]
-    last = surfaces.start[min(link + 2, surfaces.start.shape[0] - 1)]
-    covers = surfaces.start[surfaces.start.shape[0] - 1]
-    for k in range(last - first + surfaces.kind.shape[0] - covers):
-        p = first + k if k < last - first else covers + k - (last - first)
+    coverings = _coverings(surfaces, link)
+    for k in range(coverings.size):
+        p = _covering(coverings, k)
         if p == candidates.primitive[row]:
             continue
         above = _free_height(surfaces, p, link, prior.clearance)
-        free = _clearance_from(surfaces, deviations, candidates, p, above, place, normal, reach)
+        free = _clearance_from(surface, p, above, place, normal, reach)
         if free < reach:
             candidates.near[near] = p
             distance = min(distance, free)
@@ -181,13 +188,7 @@ def candidate_clearance(
 
 @fused_kernel
 def apply_accessibility(
-    surfaces: Surfaces,
-    deviations: DeviationCells,
-    candidates: Candidates,
-    row: int,
-    frame: tuple[np.ndarray, np.ndarray],
-    prior: Prior,
-    min_score: float,
+    surface: PlacedSurface, candidates: Candidates, row: int, frame: Frame, prior: Prior, min_score: float
 ) -> None:
     """Condition a candidate on being accessible.
 
@@ -196,9 +197,7 @@ def apply_accessibility(
     exceed `min_score`, it becomes -infinity at once. `frame`: body frame of the candidate's primitive, see
     `contactsense.localization.candidate_buffers.store_candidate`.
     """
-    distance, max_deviation, v11, v12, v22, near = candidate_clearance(
-        surfaces, deviations, candidates, row, prior
-    )
+    distance, max_deviation, v11, v12, v22, near = candidate_clearance(surface, candidates, row, prior)
     if distance >= FULL_CLEARANCE_SIGMAS * max_deviation:
         return
     if (
@@ -207,7 +206,7 @@ def apply_accessibility(
     ):
         candidates.score[row] = -math.inf
         return
-    p = candidates.primitive[row]
+    surfaces, p = surface.surfaces, candidates.primitive[row]
     c, n = candidates.point[row], candidates.normal[row]
     C, (R, o) = candidates.covariance[row], frame
     t1, t2 = tangents(vector(n))
@@ -217,11 +216,11 @@ def apply_accessibility(
     d = math.sqrt(max(v22 - b * b, 0.0))
     axes = (add_scaled(scale(a, t1), b, t2), scale(d, t2))
     kind, size, points = surfaces.kind[p], surfaces.size[p], candidates.points
-    spread_points(kind, size, R, o, vector(c), axes, points)
+    spread_points(kind, size, frame, vector(c), axes, points)
     for k in range(near):
         q = candidates.near[k]
         height = _free_height(surfaces, q, surfaces.link[p], prior.clearance)
-        cover_points(surfaces, deviations, q, candidates.rotation[q], candidates.origin[q], height, points)
+        cover_points(surface, q, height, points)
     share, (mx, my, mz), (xx, xy, xz, yy, yz, zz) = accessible_moments(
         vector(c), prior.surface_deviation / PENETRATION_SCALE, points
     )

@@ -6,6 +6,7 @@ import numpy as np
 
 from contactsense.localization.line_distance import SPHERES_LENGTH
 from contactsense.localization.local_prior import SurfaceError
+from contactsense.localization.primitive_frames import Frame
 from contactsense.localization.simd_neighbourhood import LENGTH as POINTS_LENGTH
 from contactsense.localization.surface_tails import with_surface_error
 from contactsense.robots.jit.declaration import Floats, Integers
@@ -47,18 +48,10 @@ class Candidates(NamedTuple):
     """Scratch: fused wrench of the link hypothesis in the body frame of each primitive [N, Nm] ..."""
     information: Annotated[Floats, "primitives, 6, 6"]
     """... and its information matrix."""
-    rotation: Annotated[Floats, "primitives, 3, 3"]
-    """Rotation from the body frame of each primitive to the base frame."""
-    origin: Annotated[Floats, "primitives, 3"]
-    """Origin of the body frame of each primitive, base frame [m]."""
     deviation_cell: Annotated[Integers, "primitives"]
     """Scratch: cell of `contactsense.localization.local_prior` where the search on each primitive begins."""
     bound: Annotated[Floats, "primitives"]
     """Scratch: lower bound of the energy of a contact on each primitive."""
-    mean_rotation: Annotated[Floats, "3, 3"]
-    """Scratch: rotation of a primitive's body frame as moved to the mean surface, base frame ..."""
-    mean_origin: Annotated[Floats, "3"]
-    """... and its origin [m], see `contactsense.localization.mean_surface`."""
     near: Annotated[Integers, "primitives"]
     """Scratch: primitives that may cover the neighbourhood of one candidate."""
     points: Annotated[Floats, f"{POINTS_LENGTH}"]
@@ -79,7 +72,7 @@ def store_candidate(
     candidates: Candidates,
     row: int,
     p: int,
-    frame: tuple[np.ndarray, np.ndarray],
+    frame: Frame,
     mode: Mode,
     error: SurfaceError,
 ) -> None:
@@ -92,14 +85,14 @@ def store_candidate(
         candidates: Arrays to write to.
         row: Row to write.
         p: Index of the primitive.
-        frame: Its body frame, base frame: rotation (3, 3) and origin (3,) [m].
+        frame: Its body frame, as moved to the mean surface.
         mode: The contact, body frame.
         error: Of the surface there.
     """
     point, normal, force, xi = mode.contact
     v11, v12, v22 = with_surface_error(mode.variances, mode.tangents, mode.contact, error)
     candidates.primitive[row] = p
-    R, o = frame[0], vector(frame[1])
+    R, o = frame.rotation, vector(frame.origin)
     # Everything is read before anything is written: the compiler cannot know that these are other arrays.
     c, n, f = add(o, rotate(R, point)), rotate(R, normal), rotate(R, force)
     t1, t2 = rotate(R, mode.tangents[0]), rotate(R, mode.tangents[1])

@@ -20,16 +20,12 @@ from contactsense.localization.line_distance import (
     shift_energies,
     shift_energy,
 )
-from contactsense.localization.local_prior import (
-    DeviationCells,
-    nearest_cell,
-    prior_in_cell,
-    surface_error_in_cell,
-)
+from contactsense.localization.local_prior import nearest_cell, prior_in_cell, surface_error_in_cell
 from contactsense.localization.mean_surface import entered_cell, mean_frame
+from contactsense.localization.placed_surface import PlacedSurface
+from contactsense.localization.primitive_frames import Frame
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
-from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.solvers.posterior.block import CX, CY, CZ, GAP, NX, NY, NZ, SEARCH, W0, W1, W2
 from contactsense.solvers.posterior.contact_prior import Contact, Prior, SearchBuffers, pushing_force
 from contactsense.solvers.posterior.line_of_action import enter_surfaces
@@ -54,8 +50,7 @@ from contactsense.solvers.posterior.simd import (
 
 @fused_kernel
 def search_along_line_of_action(
-    surfaces: Surfaces,
-    deviations: DeviationCells,
+    surface: PlacedSurface,
     searched: np.ndarray,
     hypotheses: Hypotheses,
     prior: Prior,
@@ -67,23 +62,23 @@ def search_along_line_of_action(
     accessible; row p is for primitive p.
 
     Args:
-        surfaces, searched, hypotheses, prior, buffers, candidates: As in
-            `contactsense.localization.ranking.locate_contacts`, the body frames of the primitives filled
-            in.
-        deviations: How far the surface is from the primitives, place by place.
+        surface: Where contacts may be.
+        searched, hypotheses, prior: As in `contactsense.localization.ranking.locate_contacts`.
+        buffers: Scratch.
+        candidates: Filled.
         competing_evidence: Log evidence of what else explains the measurement: primitives whose bound is
             hopeless beside it are not searched.
 
     Returns:
         Number of rows in `order`. The `score` of rejected rows is -infinity.
     """
-    lowest_bound = bound_energies(surfaces, deviations, searched, hypotheses, prior, candidates)
+    lowest_bound = bound_energies(surface, searched, hypotheses, prior, candidates)
     best = math.inf, -math.inf
     count, begun = 0, 0
     # First the primitives that the line may well enter: they set a limit that excludes most of the others.
     highest = ENERGY_CUTOFF - competing_evidence
     for limit in (min(lowest_bound + ENERGY_CUTOFF, highest), highest):
-        for p in range(surfaces.start[searched.shape[0]]):
+        for p in range(surface.surfaces.start[searched.shape[0]]):
             bound = candidates.bound[p]
             # Each primitive once: then its bound is infinite.
             if bound < math.inf and bound <= min(limit, best[0] + ENERGY_CUTOFF):
@@ -92,23 +87,18 @@ def search_along_line_of_action(
                 count += 1
                 if count - begun == LANES:
                     rows = candidates.order[begun:count]
-                    best = _search_block(
-                        surfaces, deviations, rows, hypotheses, prior, buffers.block, candidates, best
-                    )
+                    best = _search_block(surface, rows, hypotheses, prior, buffers.block, candidates, best)
                     begun = count
         if count > begun:
             rows = candidates.order[begun:count]
-            best = _search_block(
-                surfaces, deviations, rows, hypotheses, prior, buffers.block, candidates, best
-            )
+            best = _search_block(surface, rows, hypotheses, prior, buffers.block, candidates, best)
             begun = count
     return count
 
 
 @fused_kernel
 def bound_energies(
-    surfaces: Surfaces,
-    deviations: DeviationCells,
+    surface: PlacedSurface,
     searched: np.ndarray,
     hypotheses: Hypotheses,
     prior: Prior,
@@ -116,7 +106,7 @@ def bound_energies(
 ) -> float:
     """Lower bounds of the energies on all primitives, by the spheres about them, written to `bound`;
     returns the lowest one. Arguments as for `search_along_line_of_action`."""
-    lowest, spheres = math.inf, candidates.spheres
+    lowest, spheres, surfaces = math.inf, candidates.spheres, surface.surfaces
     least_energy = math.inf
     for link in range(searched.shape[0]):
         if searched[link]:
@@ -134,7 +124,7 @@ def bound_energies(
             continue
         for first in range(surfaces.start[link], last, LANES):
             end = min(first + LANES, last)
-            _load_spheres(surfaces, deviations, prior, candidates, first, end)
+            _load_spheres(surface, prior.surface_deviation, first, end, spheres)
             shift_energies(w, hypotheses.covariance[link], squared_force, spheres)
             for p in range(first, end):
                 bound = energy + spheres[SHIFT_ENERGY + p - first]
@@ -145,8 +135,7 @@ def bound_energies(
 
 @fused_kernel
 def _search_block(
-    surfaces: Surfaces,
-    deviations: DeviationCells,
+    surface: PlacedSurface,
     rows: np.ndarray,
     hypotheses: Hypotheses,
     prior: Prior,
@@ -157,7 +146,7 @@ def _search_block(
     """Search on up to `LANES` primitives at once.
 
     Args:
-        surfaces, deviations, hypotheses, prior, candidates: As for `search_along_line_of_action`.
+        surface, hypotheses, prior, candidates: As for `search_along_line_of_action`.
         rows: The primitives.
         block: Scratch.
         best: Lowest energy and best score of the candidates so far, as far as they are accessible.
@@ -165,26 +154,27 @@ def _search_block(
     Returns:
         The same with those found here.
     """
+    surfaces = surface.surfaces
     for j in range(rows.shape[0]):
         p = rows[j]
         link = surfaces.link[p]
         load_primitive(j, surfaces.kind[p], surfaces.size[p], surfaces.radius[p], block)
         load_wrench(j, hypotheses.wrench[link], hypotheses.information[link], block)
         frame = _choose_cell(
-            p, hypotheses.wrench[link], hypotheses.information[link], deviations, prior, candidates
+            surface, p, hypotheses.wrench[link], hypotheses.information[link], prior, candidates
         )
-        load_frame(j, frame[0], frame[1], block)
+        load_frame(j, frame.rotation, frame.origin, block)
     wrenches_to_body_frames(block)
     enter_surfaces(surfaces.kind, surfaces.size, rows, block)
     for j in range(rows.shape[0]):
         p = rows[j]
         candidates.score[p] = -math.inf
-        _begin_at_entry(j, p, surfaces, deviations, hypotheses, prior, block, candidates)
+        _begin_at_entry(j, p, surface, hypotheses, prior, block, candidates)
     # How far a candidate is accessible is known at the end of its search. If the lowest energy has then
     # risen, others are no longer hopeless beside it.
     for _ in range(rows.shape[0]):
         find_posterior_modes(surfaces.kind, surfaces.size, rows, prior, best[0], ENERGY_TOLERANCE, block)
-        best = _take_modes(surfaces, deviations, rows, hypotheses, prior, block, candidates, best)
+        best = _take_modes(surface, rows, hypotheses, prior, block, candidates, best)
         if not resume_searches(rows.shape[0], best[0], block):
             break
     return best
@@ -192,26 +182,25 @@ def _search_block(
 
 @fused_kernel
 def _choose_cell(
-    p: int, w: np.ndarray, L: np.ndarray, deviations: DeviationCells, prior: Prior, candidates: Candidates
-) -> tuple[np.ndarray, np.ndarray]:
+    surface: PlacedSurface, p: int, w: np.ndarray, L: np.ndarray, prior: Prior, candidates: Candidates
+) -> Frame:
     """Choose the cell of primitive p in which the line of action of a wrench enters its mean surface, if
     that is not the primitive's own; returns the body frame of the primitive as moved there."""
-    cell = -1
+    deviations, frames, cell = surface.deviations, surface.frames, -1
     if deviations.displacement[p] > 0.0:
         v = candidates.wrench[p]
-        to_body_frame(w, L, candidates.rotation[p], candidates.origin[p], v, candidates.information[p])
+        to_body_frame(w, L, frames.rotation[p], frames.origin[p], v, candidates.information[p])
         cell = entered_cell(deviations, p, v, prior.friction_ratio)
     candidates.deviation_cell[p] = cell
-    R, o = mean_frame(deviations, candidates, p, cell)
-    return R, o
+    frame: Frame = mean_frame(surface, p, cell)
+    return frame
 
 
 @fused_kernel
 def _begin_at_entry(
     j: int,
     p: int,
-    surfaces: Surfaces,
-    deviations: DeviationCells,
+    surface: PlacedSurface,
     hypotheses: Hypotheses,
     prior: Prior,
     block: np.ndarray,
@@ -219,7 +208,8 @@ def _begin_at_entry(
 ) -> None:
     """Begin the search in lane j, on primitive p, where the line of action enters it or comes nearest to
     it."""
-    link, energy = surfaces.link[p], hypotheses.energy[surfaces.link[p]]
+    deviations, link = surface.deviations, surface.surfaces.link[p]
+    energy = hypotheses.energy[link]
     point = (block[CX + j], block[CY + j], block[CZ + j])
     normal = (block[NX + j], block[NY + j], block[NZ + j])
     force = (block[W0 + j], block[W1 + j], block[W2 + j])
@@ -230,7 +220,7 @@ def _begin_at_entry(
     local = prior_in_cell(prior, deviations, cell)
     least_energy = energy
     if block[GAP + j] > 0.0:
-        o, offset = candidates.origin[p], prior.surface_deviation * deviations.largest[p]
+        o, offset = surface.frames.origin[p], prior.surface_deviation * deviations.largest[p]
         squared_force = force[0] * force[0] + force[1] * force[1] + force[2] * force[2]
         variance = moment_variance(hypotheses.covariance[link], o[0], o[1], o[2])
         variance += offset * offset * squared_force
@@ -242,8 +232,7 @@ def _begin_at_entry(
 
 @fused_kernel
 def _take_modes(
-    surfaces: Surfaces,
-    deviations: DeviationCells,
+    surface: PlacedSurface,
     rows: np.ndarray,
     hypotheses: Hypotheses,
     prior: Prior,
@@ -253,6 +242,7 @@ def _take_modes(
 ) -> tuple[float, float]:
     """Store the modes of a block that have been found, as far as they are accessible. Arguments and result as
     for `_search_block`."""
+    surfaces, deviations = surface.surfaces, surface.deviations
     lowest_energy, best_score = best
     for j in range(rows.shape[0]):
         if block[SEARCH + j] != CONVERGED:
@@ -265,7 +255,7 @@ def _take_modes(
         score = mode.log_evidence - link_energy
         if mode.log_evidence == -math.inf or score < best_score - ENERGY_CUTOFF:
             continue
-        frame = mean_frame(deviations, candidates, p, cell)
+        frame = mean_frame(surface, p, cell)
         error = surface_error_in_cell(prior, deviations, cell)
         store_candidate(candidates, p, p, frame, mode, error)
         if is_mounting_face(
@@ -273,7 +263,7 @@ def _take_modes(
         ):
             continue
         candidates.score[p] = score
-        apply_accessibility(surfaces, deviations, candidates, p, frame, prior, best_score - ENERGY_CUTOFF)
+        apply_accessibility(surface, candidates, p, frame, prior, best_score - ENERGY_CUTOFF)
         best_score = max(best_score, candidates.score[p])
         lowest_energy = min(lowest_energy, link_energy + mode.energy + score - candidates.score[p])
     return lowest_energy, best_score
@@ -281,17 +271,13 @@ def _take_modes(
 
 @fused_kernel
 def _load_spheres(
-    surfaces: Surfaces,
-    deviations: DeviationCells,
-    prior: Prior,
-    candidates: Candidates,
-    first: int,
-    last: int,
+    surface: PlacedSurface, surface_deviation: float, first: int, last: int, spheres: np.ndarray
 ) -> None:
-    """Put the bounding spheres of primitives `first` to `last` - 1 into `candidates.spheres`, base frame."""
-    spheres = candidates.spheres
+    """Put the bounding spheres of primitives `first` to `last` - 1 into a block of spheres, base frame;
+    `surface_deviation`: as in `Prior`."""
+    surfaces, deviations, frames = surface
     for p in range(first, last):
-        o, j = candidates.origin[p], p - first
+        o, j = frames.origin[p], p - first
         spheres[CENTRE_X + j], spheres[CENTRE_Y + j], spheres[CENTRE_Z + j] = o[0], o[1], o[2]
         spheres[RADIUS + j] = surfaces.radius[p] + deviations.displacement[p]
-        spheres[OFFSET + j] = prior.surface_deviation * deviations.largest[p]
+        spheres[OFFSET + j] = surface_deviation * deviations.largest[p]

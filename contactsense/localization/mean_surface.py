@@ -13,8 +13,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from contactsense.localization.candidate_buffers import Candidates
 from contactsense.localization.local_prior import DeviationCells, nearest_cell
+from contactsense.localization.placed_surface import PlacedSurface
+from contactsense.localization.primitive_frames import Frame
 from contactsense.localization.surface_samples import SurfaceSamples, SurfaceSubsamples
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
@@ -68,25 +69,24 @@ def entered_cell(cells: DeviationCells, p: int, w: np.ndarray, friction_ratio: f
 
 
 @fused_kernel
-def mean_frame(
-    cells: DeviationCells, candidates: Candidates, p: int, i: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Body frame of primitive p as moved in cell i: rotation (3, 3) and origin (3,) [m], base frame.
+def mean_frame(surface: PlacedSurface, p: int, i: int) -> Frame:
+    """Body frame of primitive p as moved in cell i, base frame.
 
-    If its surface is not moved, it is the primitive's own. Otherwise both are scratch, valid until the next
-    call.
+    If its surface is not moved, it is the primitive's own. Otherwise its arrays are scratch, valid until the
+    next call.
     """
-    R, o = candidates.rotation[p], candidates.origin[p]
+    cells, frames = surface.deviations, surface.frames
+    R, o = frames.rotation[p], frames.origin[p]
     if cells.displacement[p] == 0.0:
-        return R, o
+        return Frame(R, o)
     Q, t = cells.rotation[i], cells.translation[i]
-    rotation, origin = candidates.mean_rotation, candidates.mean_origin
+    rotation, origin = frames.mean_rotation, frames.mean_origin
     for k in range(3):
         x, y, z = R[k, 0], R[k, 1], R[k, 2]
         origin[k] = o[k] + x * t[0] + y * t[1] + z * t[2]
         for j in range(3):
             rotation[k, j] = x * Q[0, j] + y * Q[1, j] + z * Q[2, j]
-    return rotation, origin
+    return Frame(rotation, origin)
 
 
 def with_deviations(samples: S, surfaces: Surfaces, cells: DeviationCells) -> S:

@@ -20,7 +20,8 @@ from contactsense.localization.candidate_buffers import Candidates, store_candid
 from contactsense.localization.line_of_action_search import bound_energies
 from contactsense.localization.local_prior import nearest_cell, prior_in_cell, surface_error_in_cell
 from contactsense.localization.mean_surface import mean_frame
-from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
+from contactsense.localization.placed_surface import PlacedSurface
+from contactsense.localization.searched_surface import SearchArrays, SearchedSurface, placed_surface
 from contactsense.localization.surface_samples import SurfaceSamples
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
@@ -84,13 +85,13 @@ def search_from_samples(
         Number of rows in `order`, one for each mode, and at most as many as there are rows.
     """
     surfaces, samples = scene.surfaces, scene.samples
-    cells, candidates = arrays.cells, arrays.candidates
-    bound_energies(surfaces, scene.deviations, searched, hypotheses, prior, candidates)
+    cells, candidates, frames = arrays.cells, arrays.candidates, arrays.frames
+    bound_energies(placed_surface(scene, arrays), searched, hypotheses, prior, candidates)
     count, waiting, best = 0, 0, competing_evidence
     for p in range(surfaces.start[searched.shape[0]]):
         if not -candidates.bound[p] >= best - ENERGY_CUTOFF:
             continue
-        w, R, o = hypotheses.wrench[surfaces.link[p]], candidates.rotation[p], vector(candidates.origin[p])
+        w, R, o = hypotheses.wrench[surfaces.link[p]], frames.rotation[p], vector(frames.origin[p])
         force, about_base = (w[0], w[1], w[2]), (w[3], w[4], w[5])
         moment = rotate_back(R, subtract(about_base, cross(o, force)))
         force = rotate_back(R, force)
@@ -150,7 +151,7 @@ def _search_block(
         Number of modes and best log evidence, with those found here.
     """
     surfaces, deviations, samples = scene.surfaces, scene.deviations, scene.samples
-    block, cells, candidates = arrays.buffers.block, arrays.cells, arrays.candidates
+    surface, block, cells = placed_surface(scene, arrays), arrays.buffers.block, arrays.cells
     for j in range(lanes):
         s = cells.chosen[j]
         p = samples.primitive[s]
@@ -158,14 +159,14 @@ def _search_block(
         cell = _deviation_cell(scene, s)
         load_primitive(j, surfaces.kind[p], surfaces.size[p], surfaces.radius[p], block)
         load_wrench(j, hypotheses.wrench[surfaces.link[p]], hypotheses.information[surfaces.link[p]], block)
-        frame = mean_frame(deviations, candidates, p, cell)
-        load_frame(j, frame[0], frame[1], block)
+        frame = mean_frame(surface, p, cell)
+        load_frame(j, frame.rotation, frame.origin, block)
         load_prior(j, prior_in_cell(prior, deviations, cell), block)
     wrenches_to_body_frames(block)
     primitives = cells.primitive[:lanes]
     scale_information(STAGE_FACTOR ** (-2.0 * STAGES), block)
     for j in range(lanes):
-        contact = _at_sample(scene, candidates, cells.chosen[j])
+        contact = _at_sample(scene, surface, cells.chosen[j])
         force = (block[W0 + j], block[W1 + j], block[W2 + j])
         store_contact(j, Contact(contact[0], contact[1], force, 0.0), 0.0, block)
     for stage in range(STAGES):
@@ -194,14 +195,15 @@ def _deviation_cell(scene: SearchedSurface, s: int) -> int:
 
 
 @fused_kernel
-def _at_sample(scene: SearchedSurface, candidates: Candidates, s: int) -> tuple[Vector, Vector]:
+def _at_sample(scene: SearchedSurface, surface: PlacedSurface, s: int) -> tuple[Vector, Vector]:
     """Point [m] and outward unit normal at sample s, in the body frame of its primitive as moved there."""
-    surfaces, p = scene.surfaces, scene.samples.primitive[s]
+    surfaces, _, frames = surface
+    p = scene.samples.primitive[s]
     place = _in_body_frame(surfaces, scene.samples, s)
     if scene.deviations.displacement[p] > 0.0:
-        base = add(vector(candidates.origin[p]), rotate(candidates.rotation[p], place))
-        frame = mean_frame(scene.deviations, candidates, p, _deviation_cell(scene, s))
-        place = rotate_back(frame[0], subtract(base, vector(frame[1])))
+        base = add(vector(frames.origin[p]), rotate(frames.rotation[p], place))
+        frame = mean_frame(surface, p, _deviation_cell(scene, s))
+        place = rotate_back(frame.rotation, subtract(base, vector(frame.origin)))
     _, px, py, pz, nx, ny, nz = project(surfaces.kind[p], surfaces.size[p], place[0], place[1], place[2])
     return (px, py, pz), (nx, ny, nz)
 
@@ -219,6 +221,7 @@ def _take_mode(
     """Store the mode in lane j, as far as it is accessible, unless its row has a better one.
     Arguments and result as for `_search_block`."""
     surfaces, deviations, candidates = scene.surfaces, scene.deviations, arrays.candidates
+    surface = placed_surface(scene, arrays)
     s = arrays.cells.chosen[j]
     p, cell = scene.samples.primitive[s], _deviation_cell(scene, s)
     local = prior_in_cell(prior, deviations, cell)
@@ -226,8 +229,8 @@ def _take_mode(
     score = mode.log_evidence - hypotheses.energy[surfaces.link[p]]
     if not score >= best - ENERGY_CUTOFF:
         return count, best
-    frame = mean_frame(deviations, candidates, p, cell)
-    place = add(vector(frame[1]), rotate(frame[0], mode.contact.point))
+    frame = mean_frame(surface, p, cell)
+    place = add(vector(frame.origin), rotate(frame.rotation, mode.contact.point))
     same = SAME_CELL_DISTANCE if deviations.displacement[p] > 0.0 else 0.0
     row = _row_of_mode(candidates, count, p, place, same)
     if row < count and candidates.score[row] >= score:
@@ -239,7 +242,7 @@ def _take_mode(
     if is_mounting_face(surfaces.link[p], height, slope, prior.surface_deviation):
         candidates.score[row] = -math.inf
     else:
-        apply_accessibility(surfaces, deviations, candidates, row, frame, prior, best - ENERGY_CUTOFF)
+        apply_accessibility(surface, candidates, row, frame, prior, best - ENERGY_CUTOFF)
     candidates.order[row] = row
     return max(count, row + 1), max(best, candidates.score[row])
 

@@ -1,37 +1,48 @@
 """Body frames of all primitives in the base frame, in the posture of one measurement."""
 
-from typing import Protocol
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from contactsense.kinematics.model import Motion
 from contactsense.kinematics.wrench_information import matvec
+from contactsense.robots.jit.declaration import Floats
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.vectors import add, vector
 
 
-class Frames(Protocol):
-    """Body frames of all primitives in the base frame: `Candidates`, or another tuple with these fields."""
+class Frame(NamedTuple):
+    """A frame in the base frame, such as that of a link or the body frame of a primitive."""
 
-    @property
-    def rotation(self) -> np.ndarray:
-        """Orientations, shape (P, 3, 3)."""
+    rotation: np.ndarray
+    """Rotation from this frame to the base frame, shape (3, 3)."""
+    origin: np.ndarray
+    """Its origin, base frame, shape (3,) [m]."""
 
-    @property
-    def origin(self) -> np.ndarray:
-        """Origins, shape (P, 3) [m]."""
+
+class PrimitiveFrames(NamedTuple):
+    """Body frames of P primitives in the base frame."""
+
+    rotation: Annotated[Floats, "primitives, 3, 3"]
+    """Rotation from the body frame of each primitive to the base frame."""
+    origin: Annotated[Floats, "primitives, 3"]
+    """Its origin, base frame [m]."""
+    mean_rotation: Annotated[Floats, "3, 3"]
+    """Scratch: rotation of one body frame as moved to the mean surface ..."""
+    mean_origin: Annotated[Floats, "3"]
+    """... and its origin [m], see `contactsense.localization.mean_surface`."""
 
 
 @fused_kernel
-def place_primitives(surfaces: Surfaces, depth: np.ndarray, motion: Motion, frames: Frames) -> None:
+def place_primitives(surfaces: Surfaces, depth: np.ndarray, motion: Motion, frames: PrimitiveFrames) -> None:
     """Compute the body frames of all primitives in the base frame.
 
     Args:
         surfaces: Primitives.
         depth: Body of each link, see `contactsense.isolation.link_hypotheses.SensorModel`.
         motion: Poses of the bodies.
-        frames: Filled.
+        frames: `rotation` and `origin` are filled.
     """
     for p in range(surfaces.kind.shape[0]):
         body = depth[surfaces.link[p]]

@@ -23,7 +23,7 @@ from contactsense.localization.line_of_action_search import search_along_line_of
 from contactsense.localization.multistart_search import search_from_samples
 from contactsense.localization.none_of_these import none_of_these_evidence
 from contactsense.localization.primitive_frames import place_primitives
-from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
+from contactsense.localization.searched_surface import SearchArrays, SearchedSurface, placed_surface
 from contactsense.localization.surface_cells import SurfaceCells
 from contactsense.localization.surface_search import search_surface
 from contactsense.localization.unmodelled_places import add_unmodelled_places
@@ -64,7 +64,7 @@ def locate_contacts(
         hypotheses: One fused wrench per link, see `contactsense.isolation.link_hypotheses.isolate`.
         wrench_measured: Whether all six components of the wrench were measured.
         prior: Prior of contacts.
-        arrays: `candidates` is filled; its `order` lists the ranked candidates.
+        arrays: `candidates`, whose `order` lists the ranked ones, and `frames` are filled.
         has_unmodelled_places: Whether touches at places that the primitives do not model compete, if the line
             of action is known.
         link_probability: Filled: probability that each link is touched, shape (links,). One minus their
@@ -74,12 +74,12 @@ def locate_contacts(
         Number of candidates; 0 if no link can explain the measurement by a push.
     """
     surfaces, touchable, depth = scene.surfaces, scene.touchable, scene.depth
-    buffers, cells, candidates = arrays
+    buffers, cells, candidates, frames = arrays
     link = _best_link(searched, 1, hypotheses)
     if link < 0:
         link_probability[:] = 0.0
         return 0
-    place_primitives(surfaces, depth, motion, candidates)
+    place_primitives(surfaces, depth, motion, frames)
     line_of_action_known = wrench_measured and _is_line_of_action_known(
         hypotheses.wrench[link], hypotheses.covariance[link], motion.origin[depth[link]]
     )
@@ -112,7 +112,7 @@ def locate_contacts(
             count = search_from_samples(scene, searched, with_prior, assumed, arrays, competing_evidence)
         elif line_of_action_known:
             count = search_along_line_of_action(
-                surfaces, scene.deviations, searched, with_prior, assumed, buffers, candidates,
+                placed_surface(scene, arrays), searched, with_prior, assumed, buffers, candidates,
                 competing_evidence,
             )  # fmt: skip
         else:

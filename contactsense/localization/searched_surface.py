@@ -6,10 +6,13 @@ import numpy as np
 
 from contactsense.localization.candidate_buffers import Candidates
 from contactsense.localization.local_prior import DeviationCells
+from contactsense.localization.placed_surface import PlacedSurface
+from contactsense.localization.primitive_frames import PrimitiveFrames
 from contactsense.localization.surface_blocks import SurfaceBlocks
 from contactsense.localization.surface_cells import SurfaceCells
 from contactsense.localization.surface_moments import SurfaceMoments
 from contactsense.localization.surface_samples import SurfaceSamples, SurfaceSubsamples
+from contactsense.robots.jit.kernel import inlined_fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.solvers.posterior.contact_prior import SearchBuffers
 
@@ -47,3 +50,11 @@ class SearchArrays(NamedTuple):
     """Scratch of the search over the surface."""
     candidates: Candidates
     """The candidates found."""
+    frames: PrimitiveFrames
+    """Body frames of all primitives in the posture of the measurement."""
+
+
+@inlined_fused_kernel
+def placed_surface(scene: SearchedSurface, arrays: SearchArrays) -> PlacedSurface:
+    """Where the surface is, once `arrays.frames` are filled."""
+    return PlacedSurface(scene.surfaces, scene.deviations, arrays.frames)

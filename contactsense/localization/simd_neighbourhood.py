@@ -11,10 +11,11 @@ import numpy as np
 
 from contactsense.kinematics.spatial import Six
 from contactsense.kinematics.wrench_information import Block, matvec, transposed_matvec
-from contactsense.localization.local_prior import DeviationCells
 from contactsense.localization.mean_surface_distance import mean_surface_distance
+from contactsense.localization.placed_surface import PlacedSurface
+from contactsense.localization.primitive_frames import Frame
 from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
-from contactsense.robots.surface.convex_primitives import REVOLVED, Surfaces, project
+from contactsense.robots.surface.convex_primitives import REVOLVED, project
 from contactsense.robots.surface.simd_revolved import profile, project_revolved
 from contactsense.robots.vectors import Vector, add, add_scaled, subtract, vector
 from contactsense.solvers.posterior.contact_prior import STUDENT_DOF
@@ -49,8 +50,7 @@ LENGTH = 7 * POINTS
 def spread_points(
     kind: int,
     size: np.ndarray,
-    R: np.ndarray,
-    o: np.ndarray,
+    frame: Frame,
     c: Vector,
     axes: tuple[Vector, Vector],
     points: np.ndarray,
@@ -58,13 +58,13 @@ def spread_points(
     """Put the quadrature's points about a point of a primitive's surface into the scratch array, base frame.
 
     Args:
-        kind, size, R, o: The primitive and its body frame in the base frame.
+        kind, size, frame: The primitive and its body frame in the base frame.
         c: The point, base frame [m].
         axes: Root of its covariance: vectors tangential to the surface [m]. The points are at
             c + u1 axes[0] + u2 axes[1], moved to the nearest place on the surface.
         points: Filled.
     """
-    body_axes, origin = _axes(R), vector(o)
+    body_axes, origin = _axes(frame.rotation), vector(frame.origin)
     # In the body frame.
     start = matvec(body_axes, subtract(c, origin))
     first, second = matvec(body_axes, axes[0]), matvec(body_axes, axes[1])
@@ -90,24 +90,17 @@ def spread_points(
 
 
 @fused_kernel
-def cover_points(
-    surfaces: Surfaces,
-    deviations: DeviationCells,
-    p: int,
-    R: np.ndarray,
-    o: np.ndarray,
-    height: float,
-    points: np.ndarray,
-) -> None:
+def cover_points(surface: PlacedSurface, p: int, height: float, points: np.ndarray) -> None:
     """Lower `COVER` where places above the points are inside the mean surface of primitive p.
 
     Args:
-        surfaces, deviations: All primitives, and where the surface is on average.
-        p, R, o: The primitive and its body frame in the base frame.
+        surface: Where all primitives are.
+        p: The primitive.
         height: Of the places above the surface [m].
         points: The scratch array.
     """
-    body_axes, origin = _axes(R), vector(o)
+    surfaces, deviations, frames = surface
+    body_axes, origin = _axes(frames.rotation[p]), vector(frames.origin[p])
     size = surfaces.size[p]
     if surfaces.kind[p] == REVOLVED and deviations.displacement[p] == 0.0:
         body = profile(size[0], size[1], size[2], size[3])

@@ -18,15 +18,12 @@ from contactsense.kinematics.wrench_information import to_body_frame
 from contactsense.localization.candidate_buffers import Candidates, rotate_into, store_candidate
 from contactsense.localization.ellipse_scale import ellipse_scale, scaled_along_surface
 from contactsense.localization.force_at_place import FIXED_SPREAD, force_at_place
-from contactsense.localization.local_prior import (
-    DeviationCells,
-    nearest_cell,
-    prior_in_cell,
-    surface_error_in_cell,
-)
+from contactsense.localization.local_prior import nearest_cell, prior_in_cell, surface_error_in_cell
 from contactsense.localization.mean_shift import mean_shift
 from contactsense.localization.mean_surface import mean_frame
-from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
+from contactsense.localization.placed_surface import PlacedSurface
+from contactsense.localization.primitive_frames import Frame
+from contactsense.localization.searched_surface import SearchArrays, SearchedSurface, placed_surface
 from contactsense.localization.surface_cells import SurfaceCells
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces, project
@@ -72,18 +69,19 @@ def build_candidate(
 ) -> None:
     """Build the candidate in row `row` from cell s: its posterior mode, of that tolerance of the energy,
     merged with the cells that belong to it."""
-    surfaces, depth = scene.surfaces, scene.depth
-    buffers, cells, candidates = arrays
+    surfaces, depth, surface = scene.surfaces, scene.depth, placed_surface(scene, arrays)
+    buffers, cells, candidates, _ = arrays
     p = cells.primitive[s]
     link = surfaces.link[p]
     w, L = candidates.wrench[p], candidates.information[p]
-    R, o = motion.rotation[depth[link]], motion.origin[depth[link]]
+    pose = Frame(motion.rotation[depth[link]], motion.origin[depth[link]])
+    R, o = pose
     place = rotate_back(surfaces.rotation[p], subtract(vector(cells.point[s]), vector(surfaces.origin[p])))
     cell = nearest_cell(scene.deviations, p, place[0], place[1], place[2])
-    frame = mean_frame(scene.deviations, candidates, p, cell)
-    to_body_frame(hypotheses.wrench[link], hypotheses.information[link], frame[0], frame[1], w, L)
+    frame = mean_frame(surface, p, cell)
+    to_body_frame(hypotheses.wrench[link], hypotheses.information[link], frame.rotation, frame.origin, w, L)
     point, normal = _project(surfaces, p, frame, add(rotate(R, vector(cells.point[s])), vector(o)))
-    force = rotate_back(frame[0], rotate(R, vector(cells.force[s])))
+    force = rotate_back(frame.rotation, rotate(R, vector(cells.force[s])))
     start = Contact(point, normal, pushing_force(force, normal), cells.torsion[s])
     local = prior_in_cell(prior, scene.deviations, cell)
     mode = find_posterior_mode(
@@ -103,15 +101,15 @@ def build_candidate(
     narrow = converged and C[0] + C[3] + C[5] < 2.0 * (NARROW_POSTERIOR_CELLS * cells.spread[s]) ** 2
     shift = (0.0, 0.0, 0.0) if narrow else mean_shift(cells.members[:, :members], mean)
     dense = add(centre, shift)
-    point = _project_onto_link(surfaces, scene.deviations, candidates, row, link, (R, o), dense)
+    point = _project_onto_link(surface, candidates, row, link, pose, dense)
     if not narrow or not _pushes(candidates, row):
         nearest_row = _nearest_cell(cells, rows, point, rotate_back(R, vector(candidates.normal[row])))
         force = rotate(R, vector(cells.force[nearest_row]))
         if dot(force, vector(candidates.normal[row])) >= 0.0:
             # No cell is on the face that is nearest, as at a thin edge.
             place = vector(cells.point[nearest_row])
-            point = _project_onto_link(surfaces, scene.deviations, candidates, row, link, (R, o), place)
-        _fit_force(hypotheses, link, (R, o), local, point, cells, candidates, row)
+            point = _project_onto_link(surface, candidates, row, link, pose, place)
+        _fit_force(hypotheses, link, pose, local, point, cells, candidates, row)
     dx, dy, dz = subtract(point, centre)
     # Second moments about the new point.
     C = (
@@ -138,7 +136,7 @@ def _pushes(candidates: Candidates, row: int) -> bool:
 def _fit_force(
     hypotheses: Hypotheses,
     link: int,
-    pose: tuple[np.ndarray, np.ndarray],
+    pose: Frame,
     prior: Prior,
     point: Vector,
     cells: SurfaceCells,
@@ -161,16 +159,16 @@ def _fit_force(
 
 @fused_kernel
 def _project_onto_link(
-    surfaces: Surfaces,
-    deviations: DeviationCells,
+    surface: PlacedSurface,
     candidates: Candidates,
     row: int,
     link: int,
-    pose: tuple[np.ndarray, np.ndarray],
+    pose: Frame,
     start: Vector,
 ) -> Vector:
     """Move a candidate to the point of the link's mean surface nearest to `start`, link frame [m]; returns
     that. `pose`: of the link."""
+    surfaces, deviations, _ = surface
     R, o = pose
     p, point, normal = -1, start, (0.0, 0.0, 0.0)
     for _ in range(MAX_PROJECTIONS):
@@ -186,23 +184,21 @@ def _project_onto_link(
     if deviations.displacement[p] > 0.0:
         local = rotate_back(surfaces.rotation[p], subtract(point, vector(surfaces.origin[p])))
         cell = nearest_cell(deviations, p, local[0], local[1], local[2])
-        frame = mean_frame(deviations, candidates, p, cell)
+        frame = mean_frame(surface, p, cell)
         point, normal = _project(surfaces, p, frame, add(rotate(R, start), vector(o)))
-        rotate_into(frame[0], point[0], point[1], point[2], candidates.point[row])
-        rotate_into(frame[0], normal[0], normal[1], normal[2], candidates.normal[row])
+        rotate_into(frame.rotation, point[0], point[1], point[2], candidates.point[row])
+        rotate_into(frame.rotation, normal[0], normal[1], normal[2], candidates.normal[row])
         for i in range(3):
-            candidates.point[row, i] += frame[1][i]
+            candidates.point[row, i] += frame.origin[i]
         point = rotate_back(R, subtract(vector(candidates.point[row]), vector(o)))
     return point
 
 
 @fused_kernel
-def _project(
-    surfaces: Surfaces, p: int, frame: tuple[np.ndarray, np.ndarray], point: Vector
-) -> tuple[Vector, Vector]:
+def _project(surfaces: Surfaces, p: int, frame: Frame, point: Vector) -> tuple[Vector, Vector]:
     """Point on primitive p nearest to `point`, base frame, and the outward normal there, in the primitive's
     body frame `frame`."""
-    x, y, z = rotate_back(frame[0], subtract(point, vector(frame[1])))
+    x, y, z = rotate_back(frame.rotation, subtract(point, vector(frame.origin)))
     _, px, py, pz, nx, ny, nz = project(surfaces.kind[p], surfaces.size[p], x, y, z)
     return (px, py, pz), (nx, ny, nz)
 

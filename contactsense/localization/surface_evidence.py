@@ -25,6 +25,7 @@ from contactsense.localization.line_distance import (
     shift_energies,
     spheres_to_base_frame,
 )
+from contactsense.localization.primitive_frames import Frame
 from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
 from contactsense.localization.surface_blocks import SurfaceBlocks
 from contactsense.localization.surface_cells import SurfaceCells
@@ -119,7 +120,9 @@ def _evaluate_samples(
         R, o = motion.rotation[depth[link]], motion.origin[depth[link]]
         w, P = hypotheses.wrench[link], hypotheses.covariance[link]
         limit = min(lowest_energy, competing_energy) + ENERGY_CUTOFF - link_energy
-        queued = _queue_cells(blocks, link, (R, o), (w, P), wrench_measured, prior, limit, cells, spheres)
+        queued = _queue_cells(
+            blocks, link, Frame(R, o), (w, P), wrench_measured, prior, limit, cells, spheres
+        )
         if queued == 0:
             continue
         to_body_frame(w, hypotheses.information[link], R, o, cells.wrench, cells.information)
@@ -134,7 +137,7 @@ def _evaluate_samples(
 def _queue_cells(
     blocks: SurfaceBlocks,
     link: int,
-    pose: tuple[np.ndarray, np.ndarray],
+    pose: Frame,
     measured: tuple[np.ndarray, np.ndarray],
     wrench_measured: bool,
     prior: Prior,
@@ -163,7 +166,7 @@ def _queue_cells(
     for first in range(blocks.start[link], last, LANES):
         end = min(first + LANES, last)
         if skip_far:
-            _load_spheres(blocks, first, end, R, o, prior.surface_deviation, spheres)
+            _load_spheres(blocks, first, end, pose, prior.surface_deviation, spheres)
             shift_energies(w, P, squared_force, spheres)
         for b in range(first, end):
             if skip_far and spheres[SHIFT_ENERGY + b - first] > far_limit:
@@ -361,15 +364,14 @@ def _load_spheres(
     blocks: SurfaceBlocks,
     first: int,
     last: int,
-    R: np.ndarray,
-    o: np.ndarray,
+    pose: Frame,
     offset: float,
     spheres: np.ndarray,
 ) -> None:
-    """Put the spheres of blocks `first` to `last` - 1 of a link, of orientation R and origin o, into a block
+    """Put the spheres of blocks `first` to `last` - 1 of a link with that pose into a block
     of spheres, base frame; `offset`: standard deviation of the surface's offset [m]."""
     for b in range(first, last):
         c, j = blocks.centre[b], b - first
         spheres[CENTRE_X + j], spheres[CENTRE_Y + j], spheres[CENTRE_Z + j] = c[0], c[1], c[2]
         spheres[RADIUS + j], spheres[OFFSET + j] = blocks.radius[b], offset
-    spheres_to_base_frame(R, o, spheres)
+    spheres_to_base_frame(pose.rotation, pose.origin, spheres)

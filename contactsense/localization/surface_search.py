@@ -11,14 +11,13 @@ import numpy as np
 from contactsense.isolation.link_hypotheses import Hypotheses
 from contactsense.kinematics.model import Motion
 from contactsense.localization.accessibility import accessible_share, clearance
-from contactsense.localization.candidate_buffers import MAX_CANDIDATES, Candidates
-from contactsense.localization.local_prior import DeviationCells
-from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
+from contactsense.localization.candidate_buffers import MAX_CANDIDATES
+from contactsense.localization.placed_surface import PlacedSurface
+from contactsense.localization.searched_surface import SearchArrays, SearchedSurface, placed_surface
 from contactsense.localization.surface_candidate import build_candidate
 from contactsense.localization.surface_cells import SurfaceCells
 from contactsense.localization.surface_evidence import evaluate_cells
 from contactsense.robots.jit.kernel import fused_kernel
-from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.vectors import add, rotate, vector
 from contactsense.solvers.posterior.contact_prior import Prior
 from contactsense.solvers.posterior.mode import ENERGY_CUTOFF, ENERGY_TOLERANCE, RELATIVE_TOLERANCE
@@ -56,14 +55,14 @@ def search_surface(
         Number of candidates.
     """
     surfaces, depth = scene.surfaces, scene.depth
-    _, cells, candidates = arrays
+    cells, candidates = arrays.cells, arrays.candidates
     cells.unassigned_evidence[:] = -math.inf
     rows, best, divided = evaluate_cells(
         scene, searched, motion, hypotheses, wrench_measured, prior, arrays, -competing_evidence
     )
     if best == -math.inf:
         return 0
-    _apply_accessibility(surfaces, scene.deviations, depth, motion, prior, cells, candidates, rows, best)
+    _apply_accessibility(placed_surface(scene, arrays), depth, motion, prior, cells, rows, best)
     count = 0
     top = -math.inf
     for _ in range(MAX_CANDIDATES):
@@ -93,13 +92,11 @@ def _log_add(a: float, b: float) -> float:
 
 @fused_kernel
 def _apply_accessibility(
-    surfaces: Surfaces,
-    deviations: DeviationCells,
+    surface: PlacedSurface,
     depth: np.ndarray,
     motion: Motion,
     prior: Prior,
     cells: SurfaceCells,
-    candidates: Candidates,
     rows: int,
     best: float,
 ) -> None:
@@ -108,11 +105,11 @@ def _apply_accessibility(
         if cells.score[s] < best - ENERGY_CUTOFF:
             continue
         p = cells.primitive[s]
-        body = depth[surfaces.link[p]]
+        body = depth[surface.surfaces.link[p]]
         R, o = motion.rotation[body], motion.origin[body]
         place = add(rotate(R, vector(cells.point[s])), vector(o))
         normal = rotate(R, vector(cells.normal[s]))
-        free = clearance(surfaces, deviations, candidates, p, place, normal, prior.clearance, 0.0)
+        free = clearance(surface, p, place, normal, prior.clearance, 0.0)
         if free < 0.0:
             cells.score[s] += math.log(accessible_share(free, prior))
 

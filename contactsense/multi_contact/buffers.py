@@ -4,7 +4,6 @@ from typing import Annotated, NamedTuple
 
 from contactsense.isolation.link_hypotheses import Hypotheses
 from contactsense.localization.candidate_buffers import MAX_CANDIDATES, Candidates
-from contactsense.localization.local_prior import DeviationCells
 from contactsense.multi_contact.joint_layout import CONTACT_LENGTH, LANE_NUMBERS
 from contactsense.multi_contact.pair_layout import FIRST_LENGTH, PAIR_LENGTH, PAIRS
 from contactsense.multi_contact.sample_layout import BLOCK_LENGTH
@@ -12,7 +11,6 @@ from contactsense.multi_contact.seed_samples import SeedSamples, choose_seed_sam
 from contactsense.robots.jit.declaration import Floats, Integers
 from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.robots.jit.lanes import LANES
-from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.scene_model.constants import Constants
 
 MAX_CONTACTS = 3
@@ -34,17 +32,6 @@ MAX_SUMMED_PAIRS = 12
 MAX_EXPLANATIONS = 3 * MAX_SEEDS + 1 + max(MAX_SUMMED_PAIRS, LANES)
 """Maximum number of explanations before ranking. Pairs of links without an optimum are some only where
 nothing was known before; where something was, a block behind them is scratch."""
-
-
-class PlacedSurface(NamedTuple):
-    """The surface of the arm in one posture."""
-
-    surfaces: Surfaces
-    """Primitives."""
-    deviations: DeviationCells
-    """How far the real surface is from them, place by place."""
-    candidates: Candidates
-    """With their body frames in the base frame."""
 
 
 class MeasurementRows(NamedTuple):
@@ -289,7 +276,7 @@ class MultiContactBuffers(NamedTuple):
     rank: Rank
     seeding: SeedingBuffers
     candidates: Candidates
-    """Of a single further contact; with the body frames of all primitives."""
+    """Of a single further contact."""
     explanations: Explanations
 
 

@@ -10,10 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from contactsense.localization.placed_surface import PlacedSurface
+from contactsense.localization.searched_surface import placed_surface
 from contactsense.multi_contact.buffers import (
     MAX_SEEDS,
     MultiContactBuffers,
-    PlacedSurface,
 )
 from contactsense.multi_contact.contact_step import move_to_cells
 from contactsense.multi_contact.further_contact import (
@@ -90,8 +91,8 @@ def search_contact_sets(
     """Explain a measurement by the known contacts and further ones.
 
     Args:
-        single: The search for one contact, with `buffers.candidates`, in which the body frames of the
-            primitives are filled.
+        single: The search for one contact, with `buffers.candidates`, and with the body frames of the
+            primitives filled.
         model: The samples and the measurement.
         sought: What is searched for.
         buffers: With all samples in the base frame in `seeding.point_normal`, and `known` filled. On return
@@ -103,7 +104,7 @@ def search_contact_sets(
     known_count, drift, max_contacts, at_rest = sought
     measurement, joint, explanations = model.measurement, buffers.joint, buffers.explanations
     scene, prior = single.scene, single.prior
-    surfaces, surface = scene.surfaces, PlacedSurface(scene.surfaces, scene.deviations, buffers.candidates)
+    surfaces, surface = scene.surfaces, placed_surface(scene, single.arrays)
     change = Change(drift, at_rest)
     known = fill_known_prior(
         surface, prior, measurement, buffers.known, known_count, change, joint, buffers.known_prior

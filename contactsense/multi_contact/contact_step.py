@@ -7,7 +7,8 @@ import numpy as np
 
 from contactsense.localization.local_prior import nearest_cell, prior_in_cell, tilt_in_cell
 from contactsense.localization.mean_surface import mean_frame
-from contactsense.multi_contact.buffers import UNKNOWNS, JointState, PlacedSurface
+from contactsense.localization.placed_surface import PlacedSurface
+from contactsense.multi_contact.buffers import UNKNOWNS, JointState
 from contactsense.multi_contact.joint_energy import PRIMITIVE_EXTENT
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
@@ -39,12 +40,12 @@ def set_contact(
     The surface is that of the cell there: the primitive as moved to where the real one is on average, and how
     far it may be from that.
     """
-    surfaces, deviations, candidates = surface
+    surfaces, deviations, _ = surface
     block = joint.contact[i]
     joint.primitive[i, lane] = p
     cell = _cell_at(surface, p, point)
     joint.cell[i, lane] = cell
-    R, o = mean_frame(deviations, candidates, p, cell)
+    R, o = mean_frame(surface, p, cell)
     local = prior_in_cell(prior, deviations, cell)
     block[OFFSET_STEP + lane], block[FRICTION_RATIO + lane] = local.surface_deviation, local.friction_ratio
     block[TILT + lane] = tilt_in_cell(prior, deviations, cell)
@@ -98,8 +99,8 @@ def move_to_cells(
 def _cell_at(surface: PlacedSurface, p: int, point: Vector) -> int:
     """Cell of primitive p at the point of its surface that is nearest to a point [m], base frame; -1 without
     cells."""
-    surfaces, deviations, candidates = surface
-    local = rotate_back(candidates.rotation[p], subtract(point, vector(candidates.origin[p])))
+    surfaces, deviations, frames = surface
+    local = rotate_back(frames.rotation[p], subtract(point, vector(frames.origin[p])))
     _, x, y, z, _, _, _ = project(surfaces.kind[p], surfaces.size[p], local[0], local[1], local[2])
     return nearest_cell(deviations, p, x, y, z)
 

@@ -5,11 +5,11 @@ import math
 
 import numpy as np
 
+from contactsense.localization.placed_surface import PlacedSurface
 from contactsense.multi_contact.buffers import (
     JointState,
     KnownContacts,
     MultiContactBuffers,
-    PlacedSurface,
 )
 from contactsense.multi_contact.contact_step import set_contact, vector_of
 from contactsense.multi_contact.joint_layout import (

@@ -67,7 +67,7 @@ def explain_contact_sets(
         scale = residual_variance_ratio(state, present)
     update_covariances(constants, state, scale)
     depth, seed_samples, explanations = constants.sensors.depth, buffers.seed_samples, buffers.explanations
-    place_primitives(constants.surfaces, depth, state.motion, buffers.candidates)
+    place_primitives(constants.surfaces, depth, state.motion, state.frames)
     transform_samples(constants.samples, depth, state.motion, seed_samples, buffers.seeding)
     variances = Variances(
         state.base_information, scale, state.torque_variance, state.link_variance, state.link_origin
@@ -78,7 +78,7 @@ def explain_contact_sets(
             constants.sensors, state.motion, external, variances, present, lag, buffers.rows
         ),
     )
-    arrays = SearchArrays(state.search_buffers, state.surface_cells, buffers.candidates)
+    arrays = SearchArrays(state.search_buffers, state.surface_cells, buffers.candidates, state.frames)
     single = SingleContactSearch(
         searched_surface(constants), state.motion, present[0], constants.prior, arrays
     )

@@ -17,11 +17,11 @@ import math
 import numpy as np
 
 from contactsense.localization.mean_surface_distance import mean_surface_distance
+from contactsense.localization.placed_surface import PlacedSurface
 from contactsense.multi_contact.buffers import (
     Measurement,
     MeasurementRows,
     MultiContactBuffers,
-    PlacedSurface,
 )
 from contactsense.multi_contact.contact_step import set_contact, vector_of
 from contactsense.multi_contact.initial_contacts import weigh_priors
@@ -177,10 +177,10 @@ def _place_components(
 @fused_kernel
 def _nearest_primitive(surface: PlacedSurface, link: int, point: Vector) -> int:
     """The primitive of a link whose mean surface is nearest to a point [m]; inside several, the deepest."""
-    surfaces, deviations, candidates = surface
+    surfaces, deviations, frames = surface
     nearest, found = math.inf, 0
     for p in range(surfaces.start[link], surfaces.start[link + 1]):
-        at = rotate_back(candidates.rotation[p], subtract(point, vector(candidates.origin[p])))
+        at = rotate_back(frames.rotation[p], subtract(point, vector(frames.origin[p])))
         distance = mean_surface_distance(surfaces, deviations, p, at)
         if distance < nearest:
             nearest, found = distance, p

@@ -20,8 +20,10 @@ import math
 import numpy as np
 
 from contactsense.localization.accessibility import apply_accessibility
+from contactsense.localization.placed_surface import PlacedSurface
+from contactsense.localization.primitive_frames import Frame
 from contactsense.localization.ranking import LINE_OF_ACTION_DEVIATION
-from contactsense.multi_contact.buffers import Explanations, Measurement, MultiContactBuffers, PlacedSurface
+from contactsense.multi_contact.buffers import Explanations, Measurement, MultiContactBuffers
 from contactsense.multi_contact.contact_step import set_contact, vector_of
 from contactsense.multi_contact.initial_contacts import initialize_known_contact, weigh_priors
 from contactsense.multi_contact.joint_covariance import fill_covariances
@@ -63,9 +65,9 @@ def divide_known_places(
     """Correct the broad known places of the likely explanations.
 
     Args:
-        surface, prior: Where contacts may be, and their prior. The candidates are scratch.
+        surface, prior: Where contacts may be, and their prior.
         buffers: The known contacts and the explanations; of these, those behind the stored
-            ones are scratch. The rows of the known contacts are scratch, too.
+            ones are scratch, as are the candidates. The rows of the known contacts are scratch, too.
         measurement: The measurement.
         known_count: Number of known contacts.
         change: What has changed since they were estimated.
@@ -158,7 +160,7 @@ def _store_components(
         explanations.score[u] = -math.inf
         if joint.lane[LOG_EVIDENCE, j] > -math.inf and before[j] > -math.inf:
             store_explanation(joint, j, count, before[j], explanations, u)
-            _condition_on_access(surface, prior, joint.contact[i], j, explanations, (u, i))
+            _condition_on_access(surface, prior, joint.contact[i], j, buffers, (u, i))
             _add_depth(explanations.normal[u, i], normal, depth, explanations.covariance[u, i])
             highest = max(highest, explanations.score[u])
     return highest
@@ -183,17 +185,17 @@ def _condition_on_access(
     prior: Prior,
     block: np.ndarray,
     lane: int,
-    explanations: Explanations,
+    buffers: MultiContactBuffers,
     which: tuple[int, int],
 ) -> None:
     """Condition a contact of an explanation on being accessible, and lower its score by the share that is.
 
     `block`, `lane`: with the body frame of its primitive. `which`: explanation and contact.
     """
-    surfaces, deviations, candidates = surface
-    t, i = which
+    candidates, explanations, (t, i) = buffers.candidates, buffers.explanations, which
     candidates.primitive[ROW], candidates.score[ROW] = explanations.primitive[t, i], 0.0
-    R, o = candidates.mean_rotation, candidates.mean_origin
+    frame = Frame(surface.frames.mean_rotation, surface.frames.mean_origin)
+    R, o = frame
     point, normal, C = explanations.point[t, i], explanations.normal[t, i], explanations.covariance[t, i]
     for k in range(3):
         o[k] = block[OX + k * LANES + lane]
@@ -202,7 +204,7 @@ def _condition_on_access(
         for b in range(3):
             R[k, b] = block[R00 + (3 * k + b) * LANES + lane]
             candidates.covariance[ROW, k, b] = C[k, b]
-    apply_accessibility(surfaces, deviations, candidates, ROW, (R, o), prior, -math.inf)
+    apply_accessibility(surface, candidates, ROW, frame, prior, -math.inf)
     explanations.score[t] += candidates.score[ROW]
     for k in range(3):
         point[k], normal[k] = candidates.point[ROW, k], candidates.normal[ROW, k]

@@ -20,6 +20,7 @@ import math
 import numpy as np
 
 from contactsense.kinematics.linalg.cholesky import cholesky, cholesky_solve, substitute_lower
+from contactsense.localization.placed_surface import PlacedSurface
 from contactsense.multi_contact.buffers import (
     KNOWN_NUMBERS,
     OTHERS,
@@ -29,7 +30,6 @@ from contactsense.multi_contact.buffers import (
     KnownContacts,
     KnownPriorScratch,
     Measurement,
-    PlacedSurface,
 )
 from contactsense.multi_contact.contact_step import vector_of
 from contactsense.multi_contact.initial_contacts import initialize_known_contact, weigh_priors

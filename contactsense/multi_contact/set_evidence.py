@@ -3,7 +3,8 @@
 import math
 
 from contactsense.localization.accessibility import accessible_share, clearance, is_mounting_face
-from contactsense.multi_contact.buffers import UNKNOWNS, JointState, Measurement, PlacedSurface
+from contactsense.localization.placed_surface import PlacedSurface
+from contactsense.multi_contact.buffers import UNKNOWNS, JointState, Measurement
 from contactsense.multi_contact.contact_step import vector_of
 from contactsense.multi_contact.joint_layout import ENERGY, LOG_EVIDENCE, NX, PX
 from contactsense.multi_contact.joint_optimization import find_joint_modes
@@ -84,8 +85,7 @@ def _log_accessibility(
 ) -> float:
     """Log of the accessible share of contact i of lane j."""
     c, n, p = vector_of(joint.contact[i], PX, j), vector_of(joint.contact[i], NX, j), joint.primitive[i, j]
-    surfaces, deviations, candidates = surface
-    if is_mounting_face(surfaces.link[p], c[2], n[2], prior.surface_deviation):
+    if is_mounting_face(surface.surfaces.link[p], c[2], n[2], prior.surface_deviation):
         return -math.inf
-    free = clearance(surfaces, deviations, candidates, p, c, n, prior.clearance, 0.0)
+    free = clearance(surface, p, c, n, prior.clearance, 0.0)
     return math.log(accessible_share(free, prior))

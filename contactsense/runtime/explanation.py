@@ -113,7 +113,7 @@ def explain_sample(
         if best >= 0:
             state.candidate_links[best] = 1
     scene = searched_surface(constants)
-    arrays = SearchArrays(state.search_buffers, state.surface_cells, state.candidates)
+    arrays = SearchArrays(state.search_buffers, state.surface_cells, state.candidates, state.frames)
     count = locate_contacts(
         scene,
         state.candidate_links,

@@ -7,6 +7,7 @@ from typing import Annotated, NamedTuple
 from contactsense.isolation.link_hypotheses import Hypotheses, SensorRows
 from contactsense.kinematics.model import Model, Motion
 from contactsense.localization.candidate_buffers import MAX_CANDIDATES, Candidates
+from contactsense.localization.primitive_frames import PrimitiveFrames
 from contactsense.localization.surface_cells import SurfaceCells
 from contactsense.residuals.bias_filter import BiasFilter
 from contactsense.residuals.friction_at_rest import FrictionAtRest
@@ -40,6 +41,7 @@ class State(NamedTuple):
     motion: Motion
     hypotheses: Hypotheses
     candidates: Annotated[Candidates, Sized(candidates=f"max(primitives, {MAX_CANDIDATES})")]
+    frames: PrimitiveFrames
     search_buffers: SearchBuffers
     surface_cells: Annotated[SurfaceCells, Sized(cells="samples + subsamples")]
     link_probability: Annotated[Floats, "links"]

@@ -2,7 +2,6 @@
 `contactsense.localization.accessibility` for a place estimated from all samples of a contact."""
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -13,22 +12,15 @@ from contactsense.localization.accessibility import (
     is_mounting_face,
 )
 from contactsense.localization.local_prior import DeviationCells
-from contactsense.localization.primitive_frames import place_primitives
+from contactsense.localization.placed_surface import PlacedSurface
+from contactsense.localization.primitive_frames import PrimitiveFrames, place_primitives
 from contactsense.localization.simd_neighbourhood import QUADRATURE_POINTS, QUADRATURE_WEIGHTS
+from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.surface.union import distances
 from contactsense.robots.vectors import vector
 from contactsense.solvers.posterior.contact_prior import Prior
-
-
-class BodyFrames(NamedTuple):
-    """Body frames of all primitives in the base frame, in one posture."""
-
-    rotation: np.ndarray
-    """Orientations, shape (P, 3, 3)."""
-    origin: np.ndarray
-    """Origins, shape (P, 3) [m]."""
 
 
 def log_accessible_share(
@@ -61,12 +53,13 @@ def log_accessible_share(
     around = on_surface + (QUADRATURE_POINTS * np.sqrt(np.maximum(values, 0.0))) @ (basis.T @ vectors).T
     d, which, normal = distances(surfaces, around, link)
     around -= d[:, None] * normal
-    frames = BodyFrames(np.empty_like(surfaces.rotation), np.empty_like(surfaces.origin))
+    frames = zeros(PrimitiveFrames, primitives=len(surfaces.kind))
     _place(surfaces, depth, motion, frames)
     rotation, origin = motion.rotation[depth[link]], motion.origin[depth[link]]
     places, normals = around @ rotation.T + origin, normal @ rotation.T
     share = np.empty(len(places))
-    _shares(surfaces, deviations, frames, prior, which, places, normals, share)
+    surface = PlacedSurface(surfaces, deviations, frames)
+    _shares(surface, prior, which, places, normals, share)
     height = rotation[2] @ on_surface + origin[2]
     if is_mounting_face(link, height, float(rotation[2] @ n), 2.0 * prior.surface_deviation):
         return -math.inf
@@ -74,16 +67,14 @@ def log_accessible_share(
 
 
 @kernel
-def _place(surfaces: Surfaces, depth: np.ndarray, motion: Motion, frames: BodyFrames) -> None:
+def _place(surfaces: Surfaces, depth: np.ndarray, motion: Motion, frames: PrimitiveFrames) -> None:
     """`place_primitives`, as Python calls it."""
     place_primitives(surfaces, depth, motion, frames)
 
 
 @kernel
 def _shares(
-    surfaces: Surfaces,
-    deviations: DeviationCells,
-    frames: BodyFrames,
+    surface: PlacedSurface,
     prior: Prior,
     which: np.ndarray,
     points: np.ndarray,
@@ -92,5 +83,5 @@ def _shares(
 ) -> None:
     for i in range(points.shape[0]):
         place, normal = vector(points[i]), vector(normals[i])
-        free = clearance(surfaces, deviations, frames, which[i], place, normal, prior.clearance, 0.0)
+        free = clearance(surface, which[i], place, normal, prior.clearance, 0.0)
         share[i] = accessible_share(free, prior)

@@ -12,4 +12,4 @@ def latest_search(localizer: Localizer) -> tuple[SearchedSurface, SearchArrays]:
         constants.deviations, constants.touchable, constants.left_out, constants.unmodelled,
         constants.sensors.depth,
     )  # fmt: skip
-    return surface, SearchArrays(state.search_buffers, state.surface_cells, state.candidates)
+    return surface, SearchArrays(state.search_buffers, state.surface_cells, state.candidates, state.frames)

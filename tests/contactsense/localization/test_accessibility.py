@@ -15,7 +15,8 @@ from contactsense.localization.accessibility import (
 )
 from contactsense.localization.candidate_buffers import store_candidate
 from contactsense.localization.local_prior import SurfaceError
-from contactsense.localization.primitive_frames import place_primitives
+from contactsense.localization.placed_surface import PlacedSurface
+from contactsense.localization.primitive_frames import Frame, place_primitives
 from contactsense.robots.surface.convex_primitives import project
 from contactsense.robots.vectors import tangents
 from contactsense.runtime.state import State, empty_state
@@ -32,16 +33,18 @@ def arm() -> tuple[Constants, State]:
     state = empty_state(constants)
     q = np.array([0.3, -1.2, 1.5, -1.9, -1.4, 0.5])
     kinematics_and_momenta(constants.model, q, np.zeros(6), constants.gravity, state.motion)
-    place_primitives(constants.surfaces, constants.sensors.depth, state.motion, state.candidates)
+    place_primitives(constants.surfaces, constants.sensors.depth, state.motion, state.frames)
     return constants, state
+
+
+def _surface(constants: Constants, state: State) -> PlacedSurface:
+    return PlacedSurface(constants.surfaces, constants.deviations, state.frames)
 
 
 def _clearance(constants: Constants, state: State, p: int, place: np.ndarray, normal: np.ndarray) -> float:
     """Clearance of a place on primitive p, 0 if it is positive."""
-    frames, height = state.candidates, constants.prior.clearance
-    free: float = clearance(
-        constants.surfaces, constants.deviations, frames, p, tuple(place), tuple(normal), height, 0.0
-    )
+    height = constants.prior.clearance
+    free: float = clearance(_surface(constants, state), p, tuple(place), tuple(normal), height, 0.0)
     return free
 
 
@@ -49,7 +52,7 @@ def _monte_carlo(
     constants: Constants, state: State, p: int, c: np.ndarray, n: np.ndarray, root: np.ndarray
 ) -> tuple[float, np.ndarray]:
     """Accessible share of random points about c, and the mean displacement of the accessible ones."""
-    R, o = state.candidates.rotation[p], state.candidates.origin[p]
+    R, o = state.frames.rotation[p], state.frames.origin[p]
     t = np.array(tangents(tuple(n)))
     total, mean = 0.0, np.zeros(3)
     for u in np.random.default_rng(1).standard_normal((TRIALS, 2)):
@@ -69,7 +72,7 @@ def test_share_and_mean_agree_with_monte_carlo(
 ) -> None:
     constants, state = arm
     p = int(np.searchsorted(constants.samples.start, sample, side="right")) - 1
-    R, o = state.candidates.rotation[p], state.candidates.origin[p]
+    R, o = state.frames.rotation[p], state.frames.origin[p]
     body = constants.sensors.depth[constants.surfaces.link[p]]
     base = state.motion.origin[body] + state.motion.rotation[body] @ constants.samples.point[sample]
     _, *projected = project(constants.surfaces.kind[p], constants.surfaces.size[p], *(R.T @ (base - o)))
@@ -80,23 +83,20 @@ def test_share_and_mean_agree_with_monte_carlo(
     t1, t2 = (tuple(R.T @ t) for t in np.array(tangents(tuple(normal))))
     error = SurfaceError(constants.prior.surface_deviation, 0.1, 1.0)
     mode = Mode(0.0, 0.0, contact, (V[0, 0], V[0, 1], V[1, 1]), (t1, t2))
-    store_candidate(state.candidates, 0, p, (R, o), mode, error)
+    surface, frame = _surface(constants, state), Frame(R, o)
+    store_candidate(state.candidates, 0, p, frame, mode, error)
     state.candidates.score[0] = 0.0
     start = state.candidates.point[0].copy()
     share, mean = _monte_carlo(constants, state, p, start, normal, root)
-    apply_accessibility(
-        constants.surfaces, constants.deviations, state.candidates, 0, (R, o), constants.prior, -math.inf
-    )
+    apply_accessibility(surface, state.candidates, 0, frame, constants.prior, -math.inf)
     full_score = state.candidates.score[0]
     # The quadrature has eighteen points.
     assert math.exp(state.candidates.score[0]) == pytest.approx(share, abs=0.12)
     if share > 0.2:
         assert np.linalg.norm(state.candidates.point[0] - start - mean) < 0.4 * math.sqrt(np.trace(V))
-    store_candidate(state.candidates, 0, p, (R, o), mode, error)
+    store_candidate(state.candidates, 0, p, frame, mode, error)
     state.candidates.score[0] = 0.0
-    apply_accessibility(
-        constants.surfaces, constants.deviations, state.candidates, 0, (R, o), constants.prior, -8.0
-    )
+    apply_accessibility(surface, state.candidates, 0, frame, constants.prior, -8.0)
     # Only candidates below the limit are rejected early.
     assert state.candidates.score[0] == full_score or full_score < -8.0
 

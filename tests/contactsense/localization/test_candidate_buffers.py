@@ -6,6 +6,7 @@ import pytest
 from contactsense import Scene
 from contactsense.localization.candidate_buffers import store_candidate
 from contactsense.localization.local_prior import MAX_TILT, TILT_LENGTH, SurfaceError, tilt_in_cell
+from contactsense.localization.primitive_frames import Frame
 from contactsense.robots.vectors import tangents
 from contactsense.runtime.state import empty_state
 from contactsense.scene_model.constants import build_constants
@@ -30,7 +31,7 @@ def test_a_tilted_normal_moves_the_point_by_the_torsion_over_the_force(torsion: 
     candidates = empty_state(build_constants(Scene(robot="ur5e"))).candidates
     contact = Contact((0.0, 0.0, 0.0), tuple(normal), tuple(f), torsion)
     mode = Mode(0.0, 0.0, contact, (0.0, 0.0, 0.0), (tuple(t1), tuple(t2)))
-    store_candidate(candidates, 0, 0, (np.eye(3), np.zeros(3)), mode, SurfaceError(0.0, tilt, 1.0))
+    store_candidate(candidates, 0, 0, Frame(np.eye(3), np.zeros(3)), mode, SurfaceError(0.0, tilt, 1.0))
     np.testing.assert_allclose(candidates.covariance[0], sampled, atol=0.05 * (tilt * torsion / force) ** 2)
 
 

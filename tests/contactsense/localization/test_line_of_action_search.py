@@ -12,6 +12,8 @@ from contactsense.localization.accessibility import apply_accessibility, is_moun
 from contactsense.localization.candidate_buffers import store_candidate
 from contactsense.localization.line_of_action_search import search_along_line_of_action
 from contactsense.localization.local_prior import surface_error_in_cell
+from contactsense.localization.placed_surface import PlacedSurface
+from contactsense.localization.primitive_frames import Frame
 from contactsense.robots.vectors import vector
 from contactsense.solvers.posterior.contact_prior import Contact, pushing_force
 from contactsense.solvers.posterior.mode import ENERGY_CUTOFF
@@ -37,8 +39,7 @@ def localizer() -> Localizer:
 def _search(localizer: Localizer, competing_evidence: float = -math.inf) -> int:
     constants, state = localizer._buffers.constants, localizer._buffers.state
     found: int = search_along_line_of_action(
-        constants.surfaces,
-        constants.deviations,
+        PlacedSurface(constants.surfaces, constants.deviations, state.frames),
         constants.touchable,
         state.hypotheses,
         constants.prior,
@@ -53,6 +54,7 @@ def _scores_of_all(localizer: Localizer) -> np.ndarray:
     """Score of the candidate on each primitive, minus infinity where it cannot be touched."""
     constants, state = localizer._buffers.constants, localizer._buffers.state
     surfaces, hypotheses, candidates = constants.surfaces, state.hypotheses, state.candidates
+    surface = PlacedSurface(surfaces, constants.deviations, state.frames)
     prior = constants.prior
     scores = np.full(len(surfaces.kind), -np.inf)
     for p, (kind, size) in enumerate(zip(surfaces.kind, surfaces.size, strict=True)):
@@ -60,8 +62,8 @@ def _scores_of_all(localizer: Localizer) -> np.ndarray:
         to_body_frame(
             hypotheses.wrench[link],
             hypotheses.information[link],
-            candidates.rotation[p],
-            candidates.origin[p],
+            state.frames.rotation[p],
+            state.frames.origin[p],
             w,
             L,
         )
@@ -70,13 +72,13 @@ def _scores_of_all(localizer: Localizer) -> np.ndarray:
         mode = posterior_mode(kind, size, w, L, prior, start)
         if mode.log_evidence == -math.inf:
             continue
-        frame = (candidates.rotation[p], candidates.origin[p])
+        frame = Frame(state.frames.rotation[p], state.frames.origin[p])
         error = surface_error_in_cell(prior, constants.deviations, -1)
         store_candidate(candidates, p, p, frame, mode, error)
         if is_mounting_face(link, candidates.point[p, 2], candidates.normal[p, 2], prior.surface_deviation):
             continue
         candidates.score[p] = mode.log_evidence - hypotheses.energy[link]
-        apply_accessibility(surfaces, constants.deviations, candidates, p, frame, prior, -math.inf)
+        apply_accessibility(surface, candidates, p, frame, prior, -math.inf)
         scores[p] = candidates.score[p]
     return scores
 

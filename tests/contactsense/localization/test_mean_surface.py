@@ -9,6 +9,7 @@ from contactsense import Localizer, Scene, WrenchSensor, robots
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.localization.local_prior import DeviationCells, nearest_cell
 from contactsense.localization.mean_surface import CELL_SPREAD, LEAST_PUSH, entered_cell, mean_frame
+from contactsense.localization.placed_surface import PlacedSurface
 from contactsense.robots.decomposition.local_deviation import MOVED_CELL
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.convex_primitives import project
@@ -119,7 +120,7 @@ def test_samples_are_as_tilted_as_their_cells(detail: Literal["coarse", "fine"])
 @kernel
 def _mean_frame(buffers: Buffers, p: int, i: int, rotation: np.ndarray, origin: np.ndarray) -> None:
     constants, state = buffer_views(buffers)
-    R, o = mean_frame(constants.deviations, state.candidates, p, i)
+    R, o = mean_frame(PlacedSurface(constants.surfaces, constants.deviations, state.frames), p, i)
     for k in range(3):
         origin[k] = o[k]
         for j in range(3):
@@ -131,12 +132,12 @@ def test_the_frame_of_a_primitive_is_moved_with_its_link(detail: str) -> None:
     localizer = Localizer(Scene(robot="ur5e", detail=detail))  # type: ignore[arg-type]
     localizer.locate(np.array([0.2, -1.1, 1.3, -0.8, -1.2, 0.5]), base_wrench=np.ones(6), external=True)
     buffers = localizer._buffers
-    cells, candidates = buffers.constants.deviations, buffers.state.candidates
+    cells, frames = buffers.constants.deviations, buffers.state.frames
     rotation, origin = np.empty((3, 3)), np.empty(3)
     for p in range(len(buffers.constants.surfaces.kind)):
         for i in range(cells.start[p], cells.start[p + 1]):
             _mean_frame(buffers.arguments, p, i, rotation, origin)
-            R, o = candidates.rotation[p], candidates.origin[p]
+            R, o = frames.rotation[p], frames.origin[p]
             if detail == "coarse":
                 R, o = R @ cells.rotation[i], R @ cells.translation[i] + o
             np.testing.assert_allclose(rotation, R, atol=1e-14)

@@ -8,6 +8,7 @@ from contactsense.kinematics.momenta import kinematics_and_momenta
 from contactsense.localization.accessibility import OWN_CLEARANCE, clearance
 from contactsense.localization.local_prior import nearest_cell
 from contactsense.localization.mean_surface_distance import mean_surface_distance
+from contactsense.localization.placed_surface import PlacedSurface
 from contactsense.localization.primitive_frames import place_primitives
 from contactsense.robots.surface.convex_primitives import project
 from contactsense.runtime.state import empty_state
@@ -69,8 +70,9 @@ def test_clearance_is_to_the_mean_surfaces_of_the_neighbours(coarse: Constants) 
     surfaces, cells, state = coarse.surfaces, coarse.deviations, empty_state(coarse)
     q = np.array([0.3, -1.2, 1.5, -1.9, -1.4, 0.5])
     kinematics_and_momenta(coarse.model, q, np.zeros(6), coarse.gravity, state.motion)
-    place_primitives(surfaces, coarse.sensors.depth, state.motion, state.candidates)
-    rotation, origin = state.candidates.rotation, state.candidates.origin
+    place_primitives(surfaces, coarse.sensors.depth, state.motion, state.frames)
+    surface = PlacedSurface(surfaces, cells, state.frames)
+    rotation, origin = state.frames.rotation, state.frames.origin
     near = 0
     for p in range(len(surfaces.kind)):
         links = range(int(surfaces.link[p]) - 1, int(surfaces.link[p]) + 2)
@@ -83,6 +85,6 @@ def test_clearance_is_to_the_mean_surfaces_of_the_neighbours(coarse: Constants) 
                 x = rotation[k].T @ (place + height * normal - origin[k])
                 expected = min(expected, mean_surface_distance(surfaces, cells, k, tuple(x)))
             near += expected < 0.03
-            found = clearance(surfaces, cells, state.candidates, p, tuple(place), tuple(normal), 0.005, 0.03)
+            found = clearance(surface, p, tuple(place), tuple(normal), 0.005, 0.03)
             assert found == pytest.approx(expected, abs=1e-12)
     assert near > 20

@@ -9,6 +9,7 @@ import pytest
 from contactsense import JointTorqueSensor, Localizer, Scene, WrenchSensor, robots
 from contactsense.kinematics.momenta import kinematics_and_momenta
 from contactsense.localization.accessibility import OWN_CLEARANCE, clearance
+from contactsense.localization.placed_surface import PlacedSurface
 from contactsense.localization.primitive_frames import place_primitives
 from contactsense.readings import forward_model
 from contactsense.robots.primitives import Box
@@ -40,7 +41,7 @@ def arm(request: pytest.FixtureRequest) -> Arm:
     constants = build_constants(scene)
     state = empty_state(constants)
     kinematics_and_momenta(constants.model, Q, np.zeros(6), constants.gravity, state.motion)
-    place_primitives(constants.surfaces, constants.sensors.depth, state.motion, state.candidates)
+    place_primitives(constants.surfaces, constants.sensors.depth, state.motion, state.frames)
     return Arm(scene, Localizer(scene), constants, state)
 
 
@@ -53,9 +54,7 @@ def _clearance(arm: Arm, sample: int) -> float:
     samples, body = arm.constants.samples, arm.constants.sensors.depth[_link(arm, sample)]
     R, o = arm.state.motion.rotation[body], arm.state.motion.origin[body]
     free: float = clearance(
-        arm.constants.surfaces,
-        arm.constants.deviations,
-        arm.state.candidates,
+        PlacedSurface(arm.constants.surfaces, arm.constants.deviations, arm.state.frames),
         int(samples.primitive[sample]),
         tuple(R @ samples.point[sample] + o),
         tuple(R @ samples.normal[sample]),
@@ -109,14 +108,18 @@ def test_the_face_on_which_two_primitives_touch_cannot_be_touched() -> None:
     constants = build_constants(Scene(robot=robot))
     state = empty_state(constants)
     kinematics_and_momenta(constants.model, Q, np.zeros(6), constants.gravity, state.motion)
-    place_primitives(constants.surfaces, constants.sensors.depth, state.motion, state.candidates)
+    place_primitives(constants.surfaces, constants.sensors.depth, state.motion, state.frames)
     free = [
         clearance(
-            constants.surfaces, constants.deviations, state.candidates, 0, (0.3, 0.3, z), (1.0, 0.0, 0.0),
-            constants.prior.clearance, 0.01,
+            PlacedSurface(constants.surfaces, constants.deviations, state.frames),
+            0,
+            (0.3, 0.3, z),
+            (1.0, 0.0, 0.0),
+            constants.prior.clearance,
+            0.01,
         )
         for z in (0.04, 0.09)
-    ]  # fmt: skip
+    ]
     # Below the top of the other one, and above it.
     assert free[0] == pytest.approx(-OWN_CLEARANCE, abs=1e-9)
     assert free[1] > 0.0
@@ -133,10 +136,8 @@ def test_a_cover_of_the_base_link_must_leave_the_room_of_a_finger() -> None:
     constants = build_constants(Scene(robot=plain_ur5e(), bodies=(wall,)))
     state = empty_state(constants)
     kinematics_and_momenta(constants.model, Q, np.zeros(6), constants.gravity, state.motion)
-    place_primitives(constants.surfaces, constants.sensors.depth, state.motion, state.candidates)
+    place_primitives(constants.surfaces, constants.sensors.depth, state.motion, state.frames)
     height = constants.prior.clearance
-    free = clearance(
-        constants.surfaces, constants.deviations, state.candidates, 0, (0.075, 0.0, 0.05), (1.0, 0.0, 0.0),
-        height, 0.0,
-    )  # fmt: skip
+    surface = PlacedSurface(constants.surfaces, constants.deviations, state.frames)
+    free = clearance(surface, 0, (0.075, 0.0, 0.05), (1.0, 0.0, 0.0), height, 0.0)
     assert free == pytest.approx(gap - height, abs=1e-9)

@@ -6,11 +6,11 @@ import numpy as np
 
 from contactsense import Localizer, Scene, robots
 from contactsense.benchmarks.multi_contact.trials import Trial, Trials
+from contactsense.localization.placed_surface import PlacedSurface
 from contactsense.localization.primitive_frames import place_primitives
 from contactsense.multi_contact.buffers import (
     Measurement,
     MultiContactBuffers,
-    PlacedSurface,
     empty_multi_contact_buffers,
 )
 from contactsense.multi_contact.contact_step import set_contact, vector_of
@@ -68,7 +68,7 @@ class Case(NamedTuple):
 
     @property
     def surface(self) -> PlacedSurface:
-        return PlacedSurface(self.constants.surfaces, self.constants.deviations, self.state.candidates)
+        return PlacedSurface(self.constants.surfaces, self.constants.deviations, self.state.frames)
 
 
 def empty_case() -> Case:
@@ -87,7 +87,7 @@ def take(case: Case, trial: Trial, shift: float, seed: int) -> int:
     torque = torque + rng.standard_normal(6)
     case.localizer.locate(trial.q, base_wrench=base, joint_torque=torque, detect=False)
     surfaces, prior, joint = case.constants.surfaces, case.constants.prior, case.buffers.joint
-    place_primitives(surfaces, case.constants.sensors.depth, case.state.motion, case.state.candidates)
+    place_primitives(surfaces, case.constants.sensors.depth, case.state.motion, case.state.frames)
     for i, push in enumerate(trial.pushes):
         indices = range(surfaces.start[push.link], surfaces.start[push.link + 1])
         p = min(indices, key=lambda p: abs(_distance(case, p, push.point)))
@@ -109,7 +109,7 @@ def take(case: Case, trial: Trial, shift: float, seed: int) -> int:
 
 
 def _distance(case: Case, p: int, point: np.ndarray) -> float:
-    local = case.state.candidates.rotation[p].T @ (point - case.state.candidates.origin[p])
+    local = case.state.frames.rotation[p].T @ (point - case.state.frames.origin[p])
     return float(project(case.constants.surfaces.kind[p], case.constants.surfaces.size[p], *local)[0])
 
 

@@ -109,7 +109,7 @@ def _residuals(case: Case, m: int, primitives: list[int], x: np.ndarray) -> np.n
     priors = []
     contacts = ((contact[:3], contact[3:6], contact[6:]) for contact in x.reshape(-1, 8))
     for p, block, (c, f, (xi, h)) in zip(primitives, case.buffers.joint.contact[:2], contacts, strict=True):
-        R, o = case.state.candidates.rotation[p], case.state.candidates.origin[p]
+        R, o = case.state.frames.rotation[p], case.state.frames.origin[p]
         projected = project(
             case.constants.surfaces.kind[p], case.constants.surfaces.size[p], *(R.T @ (c - o))
         )

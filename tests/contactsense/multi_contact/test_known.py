@@ -5,11 +5,11 @@ import pytest
 
 from contactsense import Scene, robots
 from contactsense.kinematics.forward_kinematics import forward_kinematics
+from contactsense.localization.placed_surface import PlacedSurface
 from contactsense.localization.primitive_frames import place_primitives
 from contactsense.multi_contact.buffers import (
     Measurement,
     MultiContactBuffers,
-    PlacedSurface,
     empty_multi_contact_buffers,
 )
 from contactsense.multi_contact.joint_problem import JointProblem
@@ -38,7 +38,7 @@ def _constants() -> tuple[Constants, State, MultiContactBuffers]:
     constants = build_constants(Scene(robot=robot))
     state = empty_state(constants)
     forward_kinematics(constants.model, np.zeros(6), state.motion)
-    place_primitives(constants.surfaces, constants.sensors.depth, state.motion, state.candidates)
+    place_primitives(constants.surfaces, constants.sensors.depth, state.motion, state.frames)
     return constants, state, empty_multi_contact_buffers(constants)
 
 
@@ -47,7 +47,7 @@ def log_known(covariance: np.ndarray, force: np.ndarray, drift: float) -> float:
     constants, state, buffers = _constants()
     surfaces, prior, joint = constants.surfaces, constants.prior, buffers.joint
     measurement = Measurement(buffers.rows, 0)
-    surface = PlacedSurface(surfaces, constants.deviations, state.candidates)
+    surface = PlacedSurface(surfaces, constants.deviations, state.frames)
     contact, change = buffers.known, Change(drift, measured=False)
     contact.primitive[0] = 0
     contact.point[0], contact.force[0] = CENTER + RADIUS * NORMAL, force

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from contactsense.kinematics.forward_kinematics import forward_kinematics
+from contactsense.localization.placed_surface import PlacedSurface
 from contactsense.localization.primitive_frames import place_primitives
 from contactsense.multi_contact.buffers import (
     Measurement,
     MultiContactBuffers,
-    PlacedSurface,
     empty_multi_contact_buffers,
 )
 from contactsense.multi_contact.joint_covariance import fill_covariances
@@ -45,11 +45,9 @@ class _Known:
         self.constants: Constants = build_constants(Scene(robot=robot))
         state = empty_state(self.constants)
         forward_kinematics(self.constants.model, np.zeros(6), state.motion)
-        place_primitives(
-            self.constants.surfaces, self.constants.sensors.depth, state.motion, state.candidates
-        )
+        place_primitives(self.constants.surfaces, self.constants.sensors.depth, state.motion, state.frames)
         self.buffers: MultiContactBuffers = empty_multi_contact_buffers(self.constants)
-        self.surface = PlacedSurface(self.constants.surfaces, self.constants.deviations, state.candidates)
+        self.surface = PlacedSurface(self.constants.surfaces, self.constants.deviations, state.frames)
         known = self.buffers.known
         known.primitive[0], known.point[0], known.force[0] = 0, point, (0.0, 0.0, -20.0)
         known.covariance[0] = DEVIATION**2 * np.diag(spread)

@@ -6,8 +6,9 @@ import pytest
 
 from contactsense import Scene
 from contactsense.kinematics.forward_kinematics import forward_kinematics
+from contactsense.localization.placed_surface import PlacedSurface
 from contactsense.localization.primitive_frames import place_primitives
-from contactsense.multi_contact.buffers import PlacedSurface, empty_multi_contact_buffers
+from contactsense.multi_contact.buffers import empty_multi_contact_buffers
 from contactsense.multi_contact.contact_step import move_to_cells, set_contact, vector_of
 from contactsense.multi_contact.joint_layout import (
     ENERGY,
@@ -35,8 +36,8 @@ def test_a_contact_begins_on_the_mean_surface_with_the_deviations_of_its_cell(de
     state, joint = empty_state(constants), empty_multi_contact_buffers(constants).joint
     surfaces, cells, prior = constants.surfaces, constants.deviations, constants.prior
     forward_kinematics(constants.model, np.full(6, 0.3), state.motion)
-    place_primitives(surfaces, constants.sensors.depth, state.motion, state.candidates)
-    surface, block = PlacedSurface(surfaces, cells, state.candidates), joint.contact[0]
+    place_primitives(surfaces, constants.sensors.depth, state.motion, state.frames)
+    surface, block = PlacedSurface(surfaces, cells, state.frames), joint.contact[0]
     owner = np.repeat(np.arange(len(surfaces.kind)), np.diff(constants.samples.start))
     on_it, looked_at = 0, range(0, len(owner), 7)
     for s in looked_at:
@@ -74,9 +75,9 @@ def test_a_contact_that_has_left_its_cell_is_set_to_the_surface_of_the_one_it_is
     state, joint = empty_state(constants), empty_multi_contact_buffers(constants).joint
     cells, prior, p = constants.deviations, constants.prior, int(constants.surfaces.start[2])
     forward_kinematics(constants.model, np.full(6, 0.3), state.motion)
-    place_primitives(constants.surfaces, constants.sensors.depth, state.motion, state.candidates)
-    surface, block = PlacedSurface(constants.surfaces, cells, state.candidates), joint.contact[0]
-    R, o = state.candidates.rotation[p], state.candidates.origin[p]
+    place_primitives(constants.surfaces, constants.sensors.depth, state.motion, state.frames)
+    surface, block = PlacedSurface(constants.surfaces, cells, state.frames), joint.contact[0]
+    R, o = state.frames.rotation[p], state.frames.origin[p]
     near, far = (R @ cells.point[i] + o for i in (cells.start[p], cells.start[p + 1] - 1))
     joint.lane[ENERGY] = np.inf
     joint.lane[ENERGY, LANE] = 0.0
@@ -98,8 +99,8 @@ def test_a_tilt_of_the_surface_makes_the_place_of_a_torsion_uncertain() -> None:
     constants = build_constants(Scene(robot="ur5e"))
     state, buffers = empty_state(constants), empty_multi_contact_buffers(constants)
     forward_kinematics(constants.model, np.full(6, 0.3), state.motion)
-    place_primitives(constants.surfaces, constants.sensors.depth, state.motion, state.candidates)
-    surface = PlacedSurface(constants.surfaces, constants.deviations, state.candidates)
+    place_primitives(constants.surfaces, constants.sensors.depth, state.motion, state.frames)
+    surface = PlacedSurface(constants.surfaces, constants.deviations, state.frames)
     joint, explanations = buffers.joint, buffers.explanations
     set_contact(surface, constants.prior, joint, LANE, 0, 0, (0.1, 0.1, 0.1), (0.0, 0.0, 0.0))
     block = joint.contact[0]
