@@ -6,6 +6,7 @@ from typing import Any
 
 from contactsense import Estimate
 from contactsense.service.reactions.listener import ReactionListener
+from contactsense.service.reactions.rtde_inputs import RtdeInputs
 from contactsense.service.reactions.rules import ReactionRules
 from tests.service.reactions.estimates import SCENE, sample
 
@@ -62,3 +63,12 @@ class Play:
 
     def state(self) -> dict[str, Any]:
         return next(r for r in reversed(self.reports) if r["type"] == "reactions")
+
+
+def poll_until(inputs: RtdeInputs, condition: Callable[[], bool]) -> None:
+    """Poll inputs of the controller until a condition holds."""
+    deadline = time.monotonic() + 10.0
+    while not condition():
+        assert time.monotonic() < deadline
+        inputs.poll(time.monotonic())
+        time.sleep(0.002)

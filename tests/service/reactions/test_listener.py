@@ -2,7 +2,7 @@
 
 import socket
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -10,7 +10,7 @@ import pytest
 from contactsense.service.reactions.rtde_inputs import RtdeInputs
 from tests.service.loopback import rtde_server
 from tests.service.reactions.estimates import contact, estimate
-from tests.service.reactions.listener_play import RULES, Play
+from tests.service.reactions.listener_play import RULES, Play, poll_until
 
 
 @pytest.fixture
@@ -255,23 +255,15 @@ def test_a_recipe_that_was_refused_is_asked_for_once_by_the_next_connection() ->
     taken = {"a": ["input_int_register_47"]}
     with rtde_server() as server:
         first, second = (RtdeInputs("127.0.0.1", server.port, taken) for _ in range(2))
-        _poll_until(first, lambda: first.ready)
-        _poll_until(second, lambda: bool(second.refused))
+        poll_until(first, lambda: first.ready)
+        poll_until(second, lambda: bool(second.refused))
         first.close()
-    _poll_until(second, lambda: bool(second.error))
+    poll_until(second, lambda: bool(second.error))
     assert not second.refused
     with rtde_server(port=server.port):
-        _poll_until(second, lambda: second.ready)
+        poll_until(second, lambda: second.ready)
         deadline = time.monotonic() + 1.5
-        _poll_until(second, lambda: time.monotonic() > deadline)
+        poll_until(second, lambda: time.monotonic() > deadline)
         assert second.ready
         assert not second.refused
     second.close()
-
-
-def _poll_until(inputs: RtdeInputs, condition: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + 10.0
-    while not condition():
-        assert time.monotonic() < deadline
-        inputs.poll(time.monotonic())
-        time.sleep(0.002)

@@ -1,14 +1,13 @@
 """The speed slider in the pipeline's process: lowered, raised, and taken over from an earlier process."""
 
 import time
-from collections.abc import Callable
 
 import pytest
 
 from contactsense.service.reactions.rtde_inputs import RtdeInputs
 from tests.service.loopback import rtde_server
 from tests.service.reactions.estimates import contact, estimate
-from tests.service.reactions.listener_play import RULES, Play
+from tests.service.reactions.listener_play import RULES, Play, poll_until
 
 
 @pytest.mark.parametrize(
@@ -61,7 +60,7 @@ def test_registers_of_another_client_do_not_keep_the_slider_low() -> None:
     """All inputs had to be granted, those of the registers too."""
     with rtde_server() as server:
         other = RtdeInputs("127.0.0.1", server.port, {"a": ["input_int_register_47"]})
-        _poll_until(other, lambda: other.ready)
+        poll_until(other, lambda: other.ready)
         server.controller.set_output("target_speed_fraction", (0.1,))
         made = Play(server)
         try:
@@ -81,7 +80,7 @@ def test_registers_of_another_client_do_not_make_the_slider_fail() -> None:
     """Its state stayed that of the attempt before the connection, although it had been written since."""
     with rtde_server() as server:
         other = RtdeInputs("127.0.0.1", server.port, {"a": ["input_int_register_47"]})
-        _poll_until(other, lambda: other.ready)
+        poll_until(other, lambda: other.ready)
         made = Play(server)
         try:
             made.step(estimate(0.0, contact(newtons=20.0)))
@@ -99,8 +98,8 @@ def test_a_reading_of_before_a_lost_connection_decides_nothing() -> None:
     outputs = ["target_speed_fraction"]
     with rtde_server() as server:
         inputs = RtdeInputs("127.0.0.1", server.port, {}, outputs)
-        _poll_until(inputs, lambda: outputs[0] in inputs.values)
-    _poll_until(inputs, lambda: bool(inputs.error))
+        poll_until(inputs, lambda: outputs[0] in inputs.values)
+    poll_until(inputs, lambda: bool(inputs.error))
     assert not inputs.values
     inputs.close()
 
@@ -226,11 +225,3 @@ def test_after_a_lost_connection_the_slider_is_lowered_again_while_the_level_las
             assert made.inputs["speed_slider_fraction"] == ((0.3,) if ended else (0.1,))
     finally:
         made.listener.close()
-
-
-def _poll_until(inputs: RtdeInputs, condition: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + 10.0
-    while not condition():
-        assert time.monotonic() < deadline
-        inputs.poll(time.monotonic())
-        time.sleep(0.002)

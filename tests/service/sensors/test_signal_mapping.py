@@ -1,11 +1,14 @@
 """What sensors say and what samples mean."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from contactsense import robots
 from contactsense.scene import JointTorqueSensor, Scene, WrenchSensor
 from contactsense.scene_model.wrench_map import WrenchMap
 from contactsense.service.sensors.robot_stream import SensorError
@@ -54,12 +57,19 @@ def test_torque_signals():
 
 def test_currents_without_constants_are_refused():
     scene = Scene(robot="ur5e", joint_torque=JointTorqueSensor(signal="actual_current"))
-    if all(joint.torque_constant is not None for joint in scene.robot.joints):
-        measured = TorqueMap.of(scene)
-        assert measured is not None
-        assert measured.scale.tolist() == [joint.torque_constant for joint in scene.robot.joints]
-    else:
-        with pytest.raises(
-            SensorError, match=r"expected joint_torque.torque_constants \[Nm/A\], 6 numbers: .* ur5e"
-        ):
-            TorqueMap.of(scene)
+    with pytest.raises(
+        SensorError, match=r"expected joint_torque.torque_constants \[Nm/A\], 6 numbers: .* ur5e"
+    ):
+        TorqueMap.of(scene)
+
+
+def test_the_constants_of_the_arm_are_used_where_the_scene_has_none():
+    arm, constants = robots.load("ur5e"), (11.0, 12.0, 13.0, 14.0, 15.0, 16.0)
+    joints = tuple(
+        replace(joint, torque_constant=constant)
+        for joint, constant in zip(arm.joints, constants, strict=True)
+    )
+    sensor = JointTorqueSensor(signal="actual_current")
+    measured = TorqueMap.of(Scene(robot=replace(arm, joints=joints), joint_torque=sensor))
+    assert measured is not None
+    assert tuple(measured.scale) == constants
