@@ -24,10 +24,12 @@ from contactsense.localization.local_prior import nearest_cell, prior_in_cell, s
 from contactsense.localization.mean_surface import entered_cell, mean_frame
 from contactsense.localization.placed_surface import PlacedSurface
 from contactsense.localization.primitive_frames import Frame
+from contactsense.localization.searched_surface import SearchArrays, placed_surface
+from contactsense.localization.single_contact_problem import SingleContactProblem
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
 from contactsense.solvers.posterior.block import CX, CY, CZ, GAP, NX, NY, NZ, SEARCH, W0, W1, W2
-from contactsense.solvers.posterior.contact_prior import Contact, Prior, SearchBuffers, pushing_force
+from contactsense.solvers.posterior.contact_prior import Contact, Prior, pushing_force
 from contactsense.solvers.posterior.line_of_action import enter_surfaces
 from contactsense.solvers.posterior.mode import (
     CONVERGED,
@@ -50,28 +52,23 @@ from contactsense.solvers.posterior.simd import (
 
 @fused_kernel
 def search_along_line_of_action(
-    surface: PlacedSurface,
-    searched: np.ndarray,
-    hypotheses: Hypotheses,
-    prior: Prior,
-    buffers: SearchBuffers,
-    candidates: Candidates,
-    competing_evidence: float = -math.inf,
+    problem: SingleContactProblem, arrays: SearchArrays, competing_evidence: float
 ) -> int:
     """Find the most probable contact on each primitive near the line of action, conditioned on being
     accessible; row p is for primitive p.
 
     Args:
-        surface: Where contacts may be.
-        searched, hypotheses, prior: As in `contactsense.localization.ranking.locate_contacts`.
-        buffers: Scratch.
-        candidates: Filled.
+        problem: The measurement, and where the contact may be.
+        arrays: With the body frames of the primitives; `candidates` is filled.
         competing_evidence: Log evidence of what else explains the measurement: primitives whose bound is
             hopeless beside it are not searched.
 
     Returns:
         Number of rows in `order`. The `score` of rejected rows is -infinity.
     """
+    surface, searched = placed_surface(problem.scene, arrays), problem.searched
+    hypotheses, prior = problem.hypotheses, problem.prior
+    block, candidates = arrays.buffers.block, arrays.candidates
     lowest_bound = bound_energies(surface, searched, hypotheses, prior, candidates)
     best = math.inf, -math.inf
     count, begun = 0, 0
@@ -87,11 +84,11 @@ def search_along_line_of_action(
                 count += 1
                 if count - begun == LANES:
                     rows = candidates.order[begun:count]
-                    best = _search_block(surface, rows, hypotheses, prior, buffers.block, candidates, best)
+                    best = _search_block(surface, rows, hypotheses, prior, block, candidates, best)
                     begun = count
         if count > begun:
             rows = candidates.order[begun:count]
-            best = _search_block(surface, rows, hypotheses, prior, buffers.block, candidates, best)
+            best = _search_block(surface, rows, hypotheses, prior, block, candidates, best)
             begun = count
     return count
 
@@ -105,7 +102,14 @@ def bound_energies(
     candidates: Candidates,
 ) -> float:
     """Lower bounds of the energies on all primitives, by the spheres about them, written to `bound`;
-    returns the lowest one. Arguments as for `search_along_line_of_action`."""
+    returns the lowest one.
+
+    Args:
+        surface: Where contacts may be.
+        searched, hypotheses, prior: As in
+            `contactsense.localization.single_contact_problem.SingleContactProblem`.
+        candidates: `bound` is filled, and `spheres` is scratch.
+    """
     lowest, spheres, surfaces = math.inf, candidates.spheres, surface.surfaces
     least_energy = math.inf
     for link in range(searched.shape[0]):
@@ -146,9 +150,10 @@ def _search_block(
     """Search on up to `LANES` primitives at once.
 
     Args:
-        surface, hypotheses, prior, candidates: As for `search_along_line_of_action`.
+        surface, hypotheses, prior: As for `bound_energies`.
         rows: The primitives.
         block: Scratch.
+        candidates: Rows are filled.
         best: Lowest energy and best score of the candidates so far, as far as they are accessible.
 
     Returns:

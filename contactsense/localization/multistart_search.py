@@ -11,8 +11,6 @@ It takes ten times as long. So it is for measurements that nothing explains so f
 
 import math
 
-import numpy as np
-
 from contactsense.isolation.link_hypotheses import Hypotheses
 from contactsense.kinematics.wrench_information import matvec
 from contactsense.localization.accessibility import apply_accessibility, is_mounting_face
@@ -22,6 +20,7 @@ from contactsense.localization.local_prior import nearest_cell, prior_in_cell, s
 from contactsense.localization.mean_surface import mean_frame
 from contactsense.localization.placed_surface import PlacedSurface
 from contactsense.localization.searched_surface import SearchArrays, SearchedSurface, placed_surface
+from contactsense.localization.single_contact_problem import SingleContactProblem
 from contactsense.localization.surface_samples import SurfaceSamples
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
@@ -66,25 +65,21 @@ cell of `contactsense.localization.mean_surface`."""
 
 @fused_kernel
 def search_from_samples(
-    scene: SearchedSurface,
-    searched: np.ndarray,
-    hypotheses: Hypotheses,
-    prior: Prior,
-    arrays: SearchArrays,
-    competing_evidence: float,
+    problem: SingleContactProblem, arrays: SearchArrays, competing_evidence: float
 ) -> int:
     """Find the most probable contacts near the line of action, from many places of the surface.
 
     Args:
-        scene, searched, hypotheses, prior, arrays: As in `contactsense.localization.ranking.locate_contacts`,
-            the body frames of the primitives filled in.
+        problem: The measurement, and where the contact may be.
+        arrays: With the body frames of the primitives; `candidates` is filled.
         competing_evidence: Log evidence of what else explains the measurement: what is hopeless beside it is
             not searched.
 
     Returns:
         Number of rows in `order`, one for each mode, and at most as many as there are rows.
     """
-    surfaces, samples = scene.surfaces, scene.samples
+    scene, hypotheses, prior = problem.scene, problem.hypotheses, problem.prior
+    surfaces, samples, searched = scene.surfaces, scene.samples, problem.searched
     cells, candidates, frames = arrays.cells, arrays.candidates, arrays.frames
     bound_energies(placed_surface(scene, arrays), searched, hypotheses, prior, candidates)
     count, waiting, best = 0, 0, competing_evidence
@@ -142,7 +137,9 @@ def _search_block(
     """Search from the first samples in `SurfaceCells.chosen`, one in each lane.
 
     Args:
-        scene, hypotheses, prior, arrays: As for `search_from_samples`.
+        scene, hypotheses, prior: As in
+            `contactsense.localization.single_contact_problem.SingleContactProblem`.
+        arrays: As for `search_from_samples`.
         lanes: Number of samples.
         count: Number of modes so far.
         best: Best log evidence so far.

@@ -16,14 +16,14 @@ import math
 import numpy as np
 
 from contactsense.isolation.link_hypotheses import Hypotheses
-from contactsense.kinematics.model import Motion
 from contactsense.localization.candidate_buffers import Candidates
 from contactsense.localization.line_distance import moment_variance
 from contactsense.localization.line_of_action_search import search_along_line_of_action
 from contactsense.localization.multistart_search import search_from_samples
 from contactsense.localization.none_of_these import none_of_these_evidence
 from contactsense.localization.primitive_frames import place_primitives
-from contactsense.localization.searched_surface import SearchArrays, SearchedSurface, placed_surface
+from contactsense.localization.searched_surface import SearchArrays
+from contactsense.localization.single_contact_problem import SingleContactProblem
 from contactsense.localization.surface_cells import SurfaceCells
 from contactsense.localization.surface_search import search_surface
 from contactsense.localization.unmodelled_places import add_unmodelled_places
@@ -45,12 +45,7 @@ searches, and only made if the line of action is known."""
 
 @fused_kernel
 def locate_contacts(
-    scene: SearchedSurface,
-    searched: np.ndarray,
-    motion: Motion,
-    hypotheses: Hypotheses,
-    wrench_measured: bool,
-    prior: Prior,
+    problem: SingleContactProblem,
     arrays: SearchArrays,
     has_unmodelled_places: bool,
     link_probability: np.ndarray,
@@ -58,12 +53,7 @@ def locate_contacts(
     """Find and rank all candidate contacts on all links.
 
     Args:
-        scene: The scene's surface.
-        searched: 1 for links that are searched, else 0, shape (links,), int64.
-        motion: Poses, see `contactsense.kinematics.forward_kinematics.forward_kinematics`.
-        hypotheses: One fused wrench per link, see `contactsense.isolation.link_hypotheses.isolate`.
-        wrench_measured: Whether all six components of the wrench were measured.
-        prior: Prior of contacts.
+        problem: The measurement, and where the contact may be.
         arrays: `candidates`, whose `order` lists the ranked ones, and `frames` are filled.
         has_unmodelled_places: Whether touches at places that the primitives do not model compete, if the line
             of action is known.
@@ -73,6 +63,7 @@ def locate_contacts(
     Returns:
         Number of candidates; 0 if no link can explain the measurement by a push.
     """
+    scene, searched, motion, hypotheses, wrench_measured, prior = problem
     surfaces, touchable, depth = scene.surfaces, scene.touchable, scene.depth
     buffers, cells, candidates, frames = arrays
     link = _best_link(searched, 1, hypotheses)
@@ -104,28 +95,24 @@ def locate_contacts(
         if _is_hopeless(lowest_energy, log_share, none_evidence):
             continue
         surface_deviation = prior.surface_deviation * (ROUGH_SURFACE_FACTOR if is_rough else 1.0)
-        assumed = with_surface(prior, prior.friction_ratio, surface_deviation)
+        assumed = SingleContactProblem(
+            scene, searched, motion, with_prior, wrench_measured,
+            with_surface(prior, prior.friction_ratio, surface_deviation),
+        )  # fmt: skip
         competing_evidence = none_evidence - log_share
         if line_of_action_known:
             cells.unassigned_evidence[:] = -math.inf
         if has_many_starts:
-            count = search_from_samples(scene, searched, with_prior, assumed, arrays, competing_evidence)
+            count = search_from_samples(assumed, arrays, competing_evidence)
         elif line_of_action_known:
-            count = search_along_line_of_action(
-                placed_surface(scene, arrays), searched, with_prior, assumed, buffers, candidates,
-                competing_evidence,
-            )  # fmt: skip
+            count = search_along_line_of_action(assumed, arrays, competing_evidence)
         else:
-            count = search_surface(
-                scene, searched, motion, with_prior, wrench_measured, assumed, arrays, competing_evidence
-            )
+            count = search_surface(assumed, arrays, competing_evidence)
         best = _add_log_prior(candidates, count, cells.unassigned_evidence, log_share)
         if best >= none_evidence or is_touch_left_out:
             break
     if line_of_action_known and has_unmodelled_places:
-        count = add_unmodelled_places(
-            scene, searched, motion, hypotheses, prior, arrays, none_evidence, best, count
-        )
+        count = add_unmodelled_places(problem, arrays, none_evidence, best, count)
     ranked: int = _rank(
         surfaces,
         candidates,

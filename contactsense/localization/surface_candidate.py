@@ -12,7 +12,6 @@ import numpy as np
 
 from contactsense.isolation.link_hypotheses import Hypotheses
 from contactsense.kinematics.exponential import exponential
-from contactsense.kinematics.model import Motion
 from contactsense.kinematics.spatial import Six
 from contactsense.kinematics.wrench_information import to_body_frame
 from contactsense.localization.candidate_buffers import Candidates, rotate_into, store_candidate
@@ -23,7 +22,8 @@ from contactsense.localization.mean_shift import mean_shift
 from contactsense.localization.mean_surface import mean_frame
 from contactsense.localization.placed_surface import PlacedSurface
 from contactsense.localization.primitive_frames import Frame
-from contactsense.localization.searched_surface import SearchArrays, SearchedSurface, placed_surface
+from contactsense.localization.searched_surface import SearchArrays, placed_surface
+from contactsense.localization.single_contact_problem import SingleContactProblem
 from contactsense.localization.surface_cells import SurfaceCells
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces, project
@@ -57,18 +57,20 @@ LEAST_LOG_WEIGHT = -40.0
 
 @fused_kernel
 def build_candidate(
-    scene: SearchedSurface,
-    motion: Motion,
-    hypotheses: Hypotheses,
-    prior: Prior,
-    arrays: SearchArrays,
-    rows: int,
-    s: int,
-    row: int,
-    tolerance: float,
+    problem: SingleContactProblem, arrays: SearchArrays, rows: int, s: int, row: int, tolerance: float
 ) -> None:
-    """Build the candidate in row `row` from cell s: its posterior mode, of that tolerance of the energy,
-    merged with the cells that belong to it."""
+    """Build a candidate from its best cell: the posterior mode there, merged with the cells that belong to
+    it.
+
+    Args:
+        problem: The measurement, and where the contact may be.
+        arrays: With `rows` evaluated cells; of these, those that are merged are marked as used.
+        rows: Number of cells.
+        s: The best cell.
+        row: Row of the candidate, which is filled.
+        tolerance: Tolerance of the energy of the mode.
+    """
+    scene, _, motion, hypotheses, _, prior = problem
     surfaces, depth, surface = scene.surfaces, scene.depth, placed_surface(scene, arrays)
     buffers, cells, candidates, _ = arrays
     p = cells.primitive[s]

@@ -7,11 +7,10 @@ remain are queued and, lowest bound first, collected in new blocks for
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from contactsense.isolation.link_hypotheses import Hypotheses
-from contactsense.kinematics.model import Motion
 from contactsense.kinematics.wrench_information import to_body_frame
 from contactsense.localization.energy_bound import exclude_cells
 from contactsense.localization.laplace_evidence import find_modes
@@ -26,14 +25,14 @@ from contactsense.localization.line_distance import (
     spheres_to_base_frame,
 )
 from contactsense.localization.primitive_frames import Frame
-from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
+from contactsense.localization.searched_surface import SearchArrays
+from contactsense.localization.single_contact_problem import SingleContactProblem
 from contactsense.localization.surface_blocks import SurfaceBlocks
 from contactsense.localization.surface_cells import SurfaceCells
 from contactsense.localization.surface_samples import SurfaceSamples, SurfaceSubsamples
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
-from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.vectors import dot
 from contactsense.solvers.posterior.contact_prior import Prior
 from contactsense.solvers.posterior.mode import ENERGY_CUTOFF
@@ -54,22 +53,33 @@ LARGEST_BOUND = 1e4
 """Larger bounds count as this: such cells come last."""
 
 
+class _LinkHypothesis(NamedTuple):
+    """What the cells of one link share, besides the wrench in `SurfaceCells`."""
+
+    energy: float
+    """Energy of the link's hypothesis."""
+    force_deviation: float
+    """Root of the trace of the force's covariance [N]."""
+
+
+class _Found(NamedTuple):
+    """What has been found so far."""
+
+    rows: int
+    """Number of rows of `SurfaceCells` that are filled."""
+    lowest_energy: float
+    """Lowest energy of a cell."""
+
+
 @fused_kernel
 def evaluate_cells(
-    scene: SearchedSurface,
-    searched: np.ndarray,
-    motion: Motion,
-    hypotheses: Hypotheses,
-    wrench_measured: bool,
-    prior: Prior,
-    arrays: SearchArrays,
-    competing_energy: float,
+    problem: SingleContactProblem, arrays: SearchArrays, competing_energy: float
 ) -> tuple[int, float, bool]:
     """Fill a row of `arrays.cells` for each sample or subsample that is not rejected.
 
     Args:
-        scene, searched, motion, hypotheses, wrench_measured, prior, arrays: As in
-            `contactsense.localization.ranking.locate_contacts`, the body frames of the primitives filled in.
+        problem: The measurement, and where the contact may be.
+        arrays: With the body frames of the primitives.
         competing_energy: Energy of what else explains the measurement: cells whose bound is hopeless beside
             it are not evaluated.
 
@@ -77,60 +87,45 @@ def evaluate_cells(
         Number of rows; the best log evidence (-infinity if there are none); and whether the best cells were
         divided into subsamples.
     """
-    surfaces, depth = scene.surfaces, scene.depth
     cells = arrays.cells
-    rows, lowest_energy = _evaluate_samples(
-        scene, searched, motion, hypotheses, wrench_measured, prior, cells, arrays.candidates.spheres,
-        competing_energy,
-    )  # fmt: skip
+    found = _evaluate_samples(problem, cells, arrays.candidates.spheres, competing_energy)
+    rows = found.rows
     best = _best_score(cells, rows)
     divided = best > -math.inf and _count_above(cells, rows, best - SUBDIVIDE_WITHIN) <= MAX_SUBDIVIDED
     if divided:
-        rows = _evaluate_subsamples(
-            surfaces, scene.subsamples, depth, motion, hypotheses, prior, cells, rows, best, lowest_energy
-        )
+        rows = _evaluate_subsamples(problem, cells, best, found)
         best = _best_score(cells, rows)
     return rows, best, divided
 
 
 @fused_kernel
 def _evaluate_samples(
-    scene: SearchedSurface,
-    searched: np.ndarray,
-    motion: Motion,
-    hypotheses: Hypotheses,
-    wrench_measured: bool,
-    prior: Prior,
-    cells: SurfaceCells,
-    spheres: np.ndarray,
-    competing_energy: float,
-) -> tuple[int, float]:
-    """Fill a row of `cells` for each sample that is not rejected; returns their number and the lowest
-    energy. `spheres`: scratch block."""
+    problem: SingleContactProblem, cells: SurfaceCells, spheres: np.ndarray, competing_energy: float
+) -> _Found:
+    """Fill a row of `cells` for each sample that is not rejected. `spheres`: scratch block."""
+    scene, searched, motion, hypotheses, wrench_measured, prior = problem
     samples, blocks, depth = scene.samples, scene.blocks, scene.depth
-    rows, lowest_energy = 0, math.inf
+    found = _Found(0, math.inf)
     links = searched.shape[0]
     first = np.argmin(hypotheses.energy)
     for k in range(links):
         # The best link first, so that cells on the others are rejected early.
         link = (first + k) % links
         link_energy = hypotheses.energy[link]
-        if not searched[link] or link_energy > lowest_energy + ENERGY_CUTOFF:
+        if not searched[link] or link_energy > found.lowest_energy + ENERGY_CUTOFF:
             continue
         R, o = motion.rotation[depth[link]], motion.origin[depth[link]]
         w, P = hypotheses.wrench[link], hypotheses.covariance[link]
-        limit = min(lowest_energy, competing_energy) + ENERGY_CUTOFF - link_energy
+        limit = min(found.lowest_energy, competing_energy) + ENERGY_CUTOFF - link_energy
         queued = _queue_cells(
             blocks, link, Frame(R, o), (w, P), wrench_measured, prior, limit, cells, spheres
         )
         if queued == 0:
             continue
         to_body_frame(w, hypotheses.information[link], R, o, cells.wrench, cells.information)
-        force_deviation = math.sqrt(_squared_force(w, P)[1])
-        rows, lowest_energy = _evaluate_queue(
-            samples, queued, force_deviation, prior, link_energy, rows, lowest_energy, cells
-        )
-    return rows, lowest_energy
+        hypothesis = _LinkHypothesis(link_energy, math.sqrt(_squared_force(w, P)[1]))
+        found = _evaluate_queue(samples, queued, hypothesis, prior, found, cells)
+    return found
 
 
 @fused_kernel
@@ -152,7 +147,7 @@ def _queue_cells(
         link: The link.
         pose: Its orientation and origin in the base frame.
         measured: Fused wrench and its covariance, base axes, about the base origin.
-        wrench_measured, prior: As in `contactsense.localization.ranking.locate_contacts`.
+        wrench_measured, prior: As in `SingleContactProblem`.
         limit: Energy above which a cell is excluded.
         cells: `queue` and `bound` are filled.
         spheres: Scratch block.
@@ -192,22 +187,20 @@ def _queue_cells(
 def _evaluate_queue(
     samples: SurfaceSamples,
     queued: int,
-    force_deviation: float,
+    hypothesis: _LinkHypothesis,
     prior: Prior,
-    link_energy: float,
-    rows: int,
-    lowest_energy: float,
+    found: _Found,
     cells: SurfaceCells,
-) -> tuple[int, float]:
-    """Evaluate the queued cells of one link, in the order of their bounds, until the best energy found
-    excludes the others; returns number of rows and lowest energy."""
+) -> _Found:
+    """Evaluate the queued cells of a link, in the order of their bounds, until the best energy found excludes
+    the others."""
     lowest_bound = math.inf
     for i in range(queued):
         lowest_bound = min(lowest_bound, cells.bound[i])
     upper, first_bound = lowest_bound + BOUND_STEP, lowest_bound
     mode_count = 0
     while queued > 0:
-        limit = lowest_energy + ENERGY_CUTOFF - link_energy
+        limit = found.lowest_energy + ENERGY_CUTOFF - hypothesis.energy
         taken, remaining, lowest_bound = 0, 0, math.inf
         # Without branches, which the processor could not predict.
         for i in range(queued):
@@ -222,69 +215,49 @@ def _evaluate_queue(
             _load_lane(samples, cells.chosen[i], cells.mode_block, cells.mode_sample, mode_count)
             mode_count += 1
             if mode_count == LANES:
-                rows, lowest_energy = _evaluate_block(
-                    samples, mode_count, force_deviation, prior, link_energy, rows, lowest_energy, cells
-                )
+                found = _evaluate_block(samples, mode_count, hypothesis, prior, found, cells)
                 mode_count = 0
         if mode_count > 0 and lowest_bound > first_bound + ENERGY_CUTOFF:
             # What the block finds probably excludes all others: a full block would take longer.
-            rows, lowest_energy = _evaluate_block(
-                samples, mode_count, force_deviation, prior, link_energy, rows, lowest_energy, cells
-            )
+            found = _evaluate_block(samples, mode_count, hypothesis, prior, found, cells)
             mode_count, first_bound = 0, lowest_bound
         queued, upper = remaining, max(lowest_bound + BOUND_STEP, BOUND_GROWTH * upper)
     if mode_count > 0:
-        rows, lowest_energy = _evaluate_block(
-            samples, mode_count, force_deviation, prior, link_energy, rows, lowest_energy, cells
-        )
-    return rows, lowest_energy
+        found = _evaluate_block(samples, mode_count, hypothesis, prior, found, cells)
+    return found
 
 
 @fused_kernel
 def _evaluate_subsamples(
-    surfaces: Surfaces,
-    subsamples: SurfaceSubsamples,
-    depth: np.ndarray,
-    motion: Motion,
-    hypotheses: Hypotheses,
-    prior: Prior,
-    cells: SurfaceCells,
-    rows: int,
-    best: float,
-    lowest_energy: float,
+    problem: SingleContactProblem, cells: SurfaceCells, best: float, found: _Found
 ) -> int:
     """Replace the best cells by their subsamples; returns the new number of rows."""
-    last, mode_count = -1, 0
-    link_energy, force_deviation = 0.0, math.inf
-    for row in range(rows):
+    scene, _, motion, hypotheses, _, prior = problem
+    surfaces, subsamples, depth = scene.surfaces, scene.subsamples, scene.depth
+    last, mode_count, hypothesis = -1, 0, _LinkHypothesis(0.0, math.inf)
+    for row in range(found.rows):
         if cells.score[row] < best - SUBDIVIDE_WITHIN:
             continue
         link = surfaces.link[cells.primitive[row]]
         if link != last:
             if mode_count > 0:
-                rows, lowest_energy = _evaluate_block(
-                    subsamples, mode_count, force_deviation, prior, link_energy, rows, lowest_energy, cells
-                )
+                found = _evaluate_block(subsamples, mode_count, hypothesis, prior, found, cells)
                 mode_count = 0
-            last, link_energy = link, hypotheses.energy[link]
+            last = link
             R, o = motion.rotation[depth[link]], motion.origin[depth[link]]
             w, P = hypotheses.wrench[link], hypotheses.covariance[link]
             to_body_frame(w, hypotheses.information[link], R, o, cells.wrench, cells.information)
-            force_deviation = math.sqrt(_squared_force(w, P)[1])
+            hypothesis = _LinkHypothesis(hypotheses.energy[link], math.sqrt(_squared_force(w, P)[1]))
         cells.score[row] = -math.inf
         for s in range(subsamples.start[cells.sample[row]], subsamples.start[cells.sample[row] + 1]):
             _load_lane(subsamples, s, cells.mode_block, cells.mode_sample, mode_count)
             mode_count += 1
             if mode_count == LANES:
-                rows, lowest_energy = _evaluate_block(
-                    subsamples, mode_count, force_deviation, prior, link_energy, rows, lowest_energy, cells
-                )
+                found = _evaluate_block(subsamples, mode_count, hypothesis, prior, found, cells)
                 mode_count = 0
     if mode_count > 0:
-        rows, lowest_energy = _evaluate_block(
-            subsamples, mode_count, force_deviation, prior, link_energy, rows, lowest_energy, cells
-        )
-    return rows
+        found = _evaluate_block(subsamples, mode_count, hypothesis, prior, found, cells)
+    return found.rows
 
 
 @fused_kernel
@@ -309,23 +282,21 @@ def _load_lane(
 def _evaluate_block(
     samples: SurfaceSamples | SurfaceSubsamples,
     count: int,
-    force_deviation: float,
+    hypothesis: _LinkHypothesis,
     prior: Prior,
-    link_energy: float,
-    rows: int,
-    lowest_energy: float,
+    found: _Found,
     cells: SurfaceCells,
-) -> tuple[int, float]:
-    """Evaluate a block of samples and append those that are not rejected; returns number of rows and
-    lowest energy."""
-    block, limit = cells.mode_block, lowest_energy + ENERGY_CUTOFF - link_energy
-    find_modes(count, cells.wrench, cells.information, prior, force_deviation, limit, block)
+) -> _Found:
+    """Evaluate a block of samples of a link, and append those that are not rejected."""
+    rows, lowest_energy = found
+    block, limit = cells.mode_block, lowest_energy + ENERGY_CUTOFF - hypothesis.energy
+    find_modes(count, cells.wrench, cells.information, prior, hypothesis.force_deviation, limit, block)
     for j in range(count):
         if block[LOG_EVIDENCE + j] == -math.inf:
             continue
         s = cells.mode_sample[j]
         cells.sample[rows], cells.primitive[rows] = s, samples.primitive[s]
-        cells.score[rows] = block[LOG_EVIDENCE + j] - link_energy + samples.log_share[s]
+        cells.score[rows] = block[LOG_EVIDENCE + j] - hypothesis.energy + samples.log_share[s]
         force = (block[FX + j], block[FY + j], block[FZ + j])
         normal = (block[NX + j], block[NY + j], block[NZ + j])
         cells.point[rows, 0], cells.point[rows, 1] = block[PX + j], block[PY + j]
@@ -335,9 +306,9 @@ def _evaluate_block(
         cells.torsion[rows] = -block[CHI + j] * dot(force, normal)
         cells.variance[rows] = block[VARIANCE + j]
         cells.spread[rows] = samples.spread[s]
-        lowest_energy = min(lowest_energy, link_energy + block[ENERGY + j])
+        lowest_energy = min(lowest_energy, hypothesis.energy + block[ENERGY + j])
         rows += 1
-    return rows, lowest_energy
+    return _Found(rows, lowest_energy)
 
 
 @fused_kernel

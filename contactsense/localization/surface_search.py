@@ -6,20 +6,16 @@ Candidates are clusters of the cells that `contactsense.localization.surface_evi
 
 import math
 
-import numpy as np
-
-from contactsense.isolation.link_hypotheses import Hypotheses
-from contactsense.kinematics.model import Motion
 from contactsense.localization.accessibility import accessible_share, clearance
 from contactsense.localization.candidate_buffers import MAX_CANDIDATES
 from contactsense.localization.placed_surface import PlacedSurface
-from contactsense.localization.searched_surface import SearchArrays, SearchedSurface, placed_surface
+from contactsense.localization.searched_surface import SearchArrays, placed_surface
+from contactsense.localization.single_contact_problem import SingleContactProblem
 from contactsense.localization.surface_candidate import build_candidate
 from contactsense.localization.surface_cells import SurfaceCells
 from contactsense.localization.surface_evidence import evaluate_cells
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.vectors import add, rotate, vector
-from contactsense.solvers.posterior.contact_prior import Prior
 from contactsense.solvers.posterior.mode import ENERGY_CUTOFF, ENERGY_TOLERANCE, RELATIVE_TOLERANCE
 
 WIDE_POSTERIOR_TOLERANCE = 0.05
@@ -30,39 +26,25 @@ MIN_RELATIVE_WEIGHT = 1e-3
 
 
 @fused_kernel
-def search_surface(
-    scene: SearchedSurface,
-    searched: np.ndarray,
-    motion: Motion,
-    hypotheses: Hypotheses,
-    wrench_measured: bool,
-    prior: Prior,
-    arrays: SearchArrays,
-    competing_evidence: float,
-) -> int:
-    """Fill rows of `arrays.candidates`; `order` lists them.
-
-    The log evidence on each link that is not part of any candidate is written to
-    `arrays.cells.unassigned_evidence`.
+def search_surface(problem: SingleContactProblem, arrays: SearchArrays, competing_evidence: float) -> int:
+    """Find candidates on the whole surface.
 
     Args:
-        scene, searched, motion, hypotheses, wrench_measured, prior, arrays: As in
-            `contactsense.localization.ranking.locate_contacts`, the body frames of the primitives filled in.
+        problem: The measurement, and where the contact may be.
+        arrays: With the body frames of the primitives. Rows of `candidates` are filled, which `order` lists;
+            and `cells.unassigned_evidence`, the log evidence on each link that is part of no candidate.
         competing_evidence: Log evidence of what else explains the measurement: cells whose bound is hopeless
             beside it are not searched.
 
     Returns:
         Number of candidates.
     """
-    surfaces, depth = scene.surfaces, scene.depth
-    cells, candidates = arrays.cells, arrays.candidates
+    surfaces, cells, candidates = problem.scene.surfaces, arrays.cells, arrays.candidates
     cells.unassigned_evidence[:] = -math.inf
-    rows, best, divided = evaluate_cells(
-        scene, searched, motion, hypotheses, wrench_measured, prior, arrays, -competing_evidence
-    )
+    rows, best, divided = evaluate_cells(problem, arrays, -competing_evidence)
     if best == -math.inf:
         return 0
-    _apply_accessibility(placed_surface(scene, arrays), depth, motion, prior, cells, rows, best)
+    _apply_accessibility(problem, placed_surface(problem.scene, arrays), cells, rows, best)
     count = 0
     top = -math.inf
     for _ in range(MAX_CANDIDATES):
@@ -72,7 +54,7 @@ def search_surface(
         # The worse a candidate is, the less its accuracy matters.
         tolerance = ENERGY_TOLERANCE if divided else WIDE_POSTERIOR_TOLERANCE
         tolerance += RELATIVE_TOLERANCE * max(top - cells.score[s], 0.0)
-        build_candidate(scene, motion, hypotheses, prior, arrays, rows, s, count, tolerance)
+        build_candidate(problem, arrays, rows, s, count, tolerance)
         candidates.order[count] = count
         top = max(top, candidates.score[count])
         count += 1
@@ -92,15 +74,10 @@ def _log_add(a: float, b: float) -> float:
 
 @fused_kernel
 def _apply_accessibility(
-    surface: PlacedSurface,
-    depth: np.ndarray,
-    motion: Motion,
-    prior: Prior,
-    cells: SurfaceCells,
-    rows: int,
-    best: float,
+    problem: SingleContactProblem, surface: PlacedSurface, cells: SurfaceCells, rows: int, best: float
 ) -> None:
     """Lower the score of cells that other primitives cover."""
+    motion, depth, prior = problem.motion, problem.scene.depth, problem.prior
     for s in range(rows):
         if cells.score[s] < best - ENERGY_CUTOFF:
             continue

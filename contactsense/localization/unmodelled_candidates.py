@@ -12,12 +12,11 @@ import math
 
 import numpy as np
 
-from contactsense.isolation.link_hypotheses import Hypotheses
-from contactsense.kinematics.model import Motion
 from contactsense.kinematics.wrench_information import matvec
 from contactsense.localization.candidate_buffers import Candidates
 from contactsense.localization.line_distance import moment_variance
-from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
+from contactsense.localization.searched_surface import SearchArrays
+from contactsense.localization.single_contact_problem import SingleContactProblem
 from contactsense.localization.surface_cells import SurfaceCells
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.vectors import (
@@ -34,7 +33,6 @@ from contactsense.robots.vectors import (
     tangents,
     vector,
 )
-from contactsense.solvers.posterior.contact_prior import Prior
 
 STEEP_TILT = 1.0
 """Standard deviation of the angle between the inward normal and the force at unmodelled places [rad]."""
@@ -53,10 +51,7 @@ LEAST_LOG_WEIGHT = -30.0
 
 @fused_kernel
 def add_unmodelled_candidates(
-    scene: SearchedSurface,
-    motion: Motion,
-    hypotheses: Hypotheses,
-    prior: Prior,
+    problem: SingleContactProblem,
     arrays: SearchArrays,
     link: int,
     least_evidence: float,
@@ -65,7 +60,7 @@ def add_unmodelled_candidates(
     """Divide the evidence of unmodelled places on a link among candidates.
 
     Args:
-        scene, motion, hypotheses, prior: As in `contactsense.localization.ranking.locate_contacts`.
+        problem: The measurement, and where the contact may be.
         arrays: `cells.unassigned_evidence` holds the log evidence for places that are normal variables. It is
             replaced by that for places at samples, as far as no candidate has it.
         link: The link; its fused force is not zero.
@@ -76,7 +71,7 @@ def add_unmodelled_candidates(
         Number of candidates with those added.
     """
     cells, candidates = arrays.cells, arrays.candidates
-    first, last, total, correction = _weigh_samples(scene, motion, hypotheses, prior, cells, link)
+    first, last, total, correction = _weigh_samples(problem, cells, link)
     evidence = cells.unassigned_evidence[link] + correction
     rest = 1.0
     while evidence > least_evidence and count < candidates.order.shape[0]:
@@ -87,7 +82,7 @@ def add_unmodelled_candidates(
         if not cells.score[best - first] > 0.0:
             break
         row = _free_row(candidates, count)
-        share = _build(scene, motion, hypotheses, prior, arrays, link, best, row) / total
+        share = _build(problem, arrays, link, best, row) / total
         if share < LEAST_SHARE:
             break
         candidates.score[row] = evidence + math.log(share)
@@ -100,12 +95,7 @@ def add_unmodelled_candidates(
 
 @fused_kernel
 def _weigh_samples(
-    scene: SearchedSurface,
-    motion: Motion,
-    hypotheses: Hypotheses,
-    prior: Prior,
-    cells: SurfaceCells,
-    link: int,
+    problem: SingleContactProblem, cells: SurfaceCells, link: int
 ) -> tuple[int, int, float, float]:
     """Write the weight of each sample of a link to `cells.score`.
 
@@ -113,10 +103,11 @@ def _weigh_samples(
         First sample, end, sum of the weights, and log of the ratio of the evidence of the samples to that of
         a normal variable with their moments.
     """
+    scene = problem.scene
     surfaces, samples, moments = scene.surfaces, scene.samples, scene.unmodelled
     first = samples.start[surfaces.start[link]]
     last = samples.start[surfaces.start[link + 1]]
-    force, moment, variance = _in_link_frame(scene, motion, hypotheses, prior, link)
+    force, moment, variance = _in_link_frame(problem, link)
     direction = scale(1.0 / norm(force), force)
     greatest, prior_weight = -math.inf, 0.0
     for s in range(first, last):
@@ -161,12 +152,11 @@ def _offset_of_line(place: Vector, force: Vector, moment: Vector) -> Vector:
 
 
 @fused_kernel
-def _in_link_frame(
-    scene: SearchedSurface, motion: Motion, hypotheses: Hypotheses, prior: Prior, link: int
-) -> tuple[Vector, Vector, float]:
+def _in_link_frame(problem: SingleContactProblem, link: int) -> tuple[Vector, Vector, float]:
     """Fused force [N] and moment [Nm] in the frame of a link, and the variance of the distance between line
     of action and contact along each direction across the line [m^2]: that of the line at the centre of the
     unmodelled places, of the surface and of the torsion."""
+    scene, _, motion, hypotheses, _, prior = problem
     body = scene.depth[link]
     R, o = motion.rotation[body], vector(motion.origin[body])
     w = hypotheses.wrench[link]
@@ -179,26 +169,18 @@ def _in_link_frame(
 
 
 @fused_kernel
-def _build(
-    scene: SearchedSurface,
-    motion: Motion,
-    hypotheses: Hypotheses,
-    prior: Prior,
-    arrays: SearchArrays,
-    link: int,
-    best: int,
-    row: int,
-) -> float:
+def _build(problem: SingleContactProblem, arrays: SearchArrays, link: int, best: int, row: int) -> float:
     """Write the candidate around sample `best` to a row; returns the weight of its samples, which then have
     none.
 
     Across the line of action the covariance of the place is that of the line; along the line it is that of
     the samples.
     """
+    scene, _, motion, hypotheses, _, prior = problem
     surfaces, samples = scene.surfaces, scene.samples
     cells, candidates = arrays.cells, arrays.candidates
     first, last = samples.start[surfaces.start[link]], samples.start[surfaces.start[link + 1]]
-    force, moment, across = _in_link_frame(scene, motion, hypotheses, prior, link)
+    force, moment, across = _in_link_frame(problem, link)
     direction = scale(1.0 / norm(force), force)
     centre = vector(samples.point[best])
     total, first_moment, second_moment = 0.0, 0.0, 0.0

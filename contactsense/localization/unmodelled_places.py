@@ -9,16 +9,12 @@ its evidence from where on the link these places are (`contactsense.localization
 
 import math
 
-import numpy as np
-
-from contactsense.isolation.link_hypotheses import Hypotheses
-from contactsense.kinematics.model import Motion
-from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
+from contactsense.localization.searched_surface import SearchArrays
+from contactsense.localization.single_contact_problem import SingleContactProblem
 from contactsense.localization.surface_moments import evidence_of_touch
 from contactsense.localization.unmodelled_candidates import add_unmodelled_candidates
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.vectors import dot
-from contactsense.solvers.posterior.contact_prior import Prior
 from contactsense.solvers.posterior.mode import ENERGY_CUTOFF
 
 NEGLIGIBLE_MARGIN = 14.0
@@ -31,11 +27,7 @@ LEAST_PROBABILITY = 0.01
 
 @fused_kernel
 def add_unmodelled_places(
-    scene: SearchedSurface,
-    searched: np.ndarray,
-    motion: Motion,
-    hypotheses: Hypotheses,
-    prior: Prior,
+    problem: SingleContactProblem,
     arrays: SearchArrays,
     none_evidence: float,
     best: float,
@@ -44,9 +36,8 @@ def add_unmodelled_places(
     """Add candidates at unmodelled places to those that are found, for a known line of action.
 
     Args:
-        scene, searched, motion, hypotheses, prior, arrays: As in
-            `contactsense.localization.ranking.locate_contacts`. What no candidate has is written to
-            `arrays.cells.unassigned_evidence`.
+        problem: The measurement, and where the contact may be.
+        arrays: With the candidates. What no candidate has is written to `cells.unassigned_evidence`.
         none_evidence: Log evidence of "none of these".
         best: Best log evidence of the candidates.
         count: Number of candidates.
@@ -56,6 +47,7 @@ def add_unmodelled_places(
     """
     if best >= none_evidence + NEGLIGIBLE_MARGIN:
         return count
+    scene, searched, motion, hypotheses, _, prior = problem
     depth, unassigned = scene.depth, arrays.cells.unassigned_evidence
     best = max(best, none_evidence)
     for link in range(depth.shape[0]):
@@ -73,5 +65,5 @@ def add_unmodelled_places(
         )
         least = best + math.log(LEAST_PROBABILITY)
         if unassigned[link] > least:
-            count = add_unmodelled_candidates(scene, motion, hypotheses, prior, arrays, link, least, count)
+            count = add_unmodelled_candidates(problem, arrays, link, least, count)
     return count

@@ -103,7 +103,7 @@ def search_contact_sets(
     """
     known_count, drift, max_contacts, at_rest = sought
     measurement, joint, explanations = model.measurement, buffers.joint, buffers.explanations
-    scene, prior = single.scene, single.prior
+    scene, prior = single.problem.scene, single.problem.prior
     surfaces, surface = scene.surfaces, placed_surface(scene, single.arrays)
     change = Change(drift, at_rest)
     known = fill_known_prior(

@@ -10,28 +10,24 @@ from typing import NamedTuple
 
 from contactsense.isolation.link_hypotheses import PRIOR_STD
 from contactsense.kinematics.linalg.ldl import invert_spd
-from contactsense.kinematics.model import Motion
 from contactsense.localization.candidate_buffers import Candidates
 from contactsense.localization.ranking import LINE_OF_ACTION_DEVIATION, locate_contacts
-from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
+from contactsense.localization.searched_surface import SearchArrays
+from contactsense.localization.single_contact_problem import SingleContactProblem
 from contactsense.multi_contact.buffers import Measurement, SeedingBuffers
 from contactsense.multi_contact.link_information import fill_link_information
 from contactsense.robots.jit.kernel import fused_kernel
-from contactsense.solvers.posterior.contact_prior import Prior
 
 MIN_CANDIDATE_PROBABILITY = 1e-3
 """Candidates less probable than this are dropped."""
 
 
 class SingleContactSearch(NamedTuple):
-    """What the search for one contact needs besides hypotheses; fields as the arguments of
-    `contactsense.localization.ranking.locate_contacts`. It is without unmodelled places: they have no mode
-    from which the joint search for several contacts could start."""
+    """The search for one further contact. It is without unmodelled places: they have no mode from which the
+    joint search for several contacts could start."""
 
-    scene: SearchedSurface
-    motion: Motion
-    wrench_measured: bool
-    prior: Prior
+    problem: SingleContactProblem
+    """Its hypotheses are those of `SeedingBuffers`, which `locate_further_contact` fills."""
     arrays: SearchArrays
 
 
@@ -50,15 +46,12 @@ def locate_further_contact(
     Returns:
         Number of candidates.
     """
-    scene, motion, wrench_measured, prior, arrays = single
+    problem, arrays = single
     scale = 1.0
     found = 0
     for _ in range(2):
         energy = _link_hypotheses(measurement, scale, seeding)
-        found = locate_contacts(
-            scene, scene.touchable, motion, seeding.hypotheses, wrench_measured, prior, arrays,
-            False, seeding.link_probability,
-        )  # fmt: skip
+        found = locate_contacts(problem, arrays, False, seeding.link_probability)
         if found > 0 or known_count == 0:
             # Without known contacts, none means that no single contact explains the measurement.
             break

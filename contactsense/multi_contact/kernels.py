@@ -6,6 +6,7 @@ import numpy as np
 
 from contactsense.localization.primitive_frames import place_primitives
 from contactsense.localization.searched_surface import SearchArrays
+from contactsense.localization.single_contact_problem import SingleContactProblem
 from contactsense.multi_contact.buffers import Measurement, MultiContactBuffers
 from contactsense.multi_contact.contact_set_search import Sought, search_contact_sets
 from contactsense.multi_contact.further_contact import SingleContactSearch
@@ -79,9 +80,11 @@ def explain_contact_sets(
         ),
     )
     arrays = SearchArrays(state.search_buffers, state.surface_cells, buffers.candidates, state.frames)
-    single = SingleContactSearch(
-        searched_surface(constants), state.motion, present[0], constants.prior, arrays
-    )
+    problem = SingleContactProblem(
+        searched_surface(constants), constants.touchable, state.motion, buffers.seeding.hypotheses,
+        present[0], constants.prior,
+    )  # fmt: skip
+    single = SingleContactSearch(problem, arrays)
     model = SampleModel(
         seed_samples, measurement, constants.prior.friction_ratio, estimate_force_scale(external, present)
     )

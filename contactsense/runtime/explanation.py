@@ -7,6 +7,7 @@ from contactsense.kinematics.spatial import dot6
 from contactsense.localization.mixture_reduction import merge_overlapping
 from contactsense.localization.ranking import locate_contacts
 from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
+from contactsense.localization.single_contact_problem import SingleContactProblem
 from contactsense.robots.jit.kernel import inlined_kernel, kernel
 from contactsense.robots.surface.signed_distance_grid import Grids, Skin
 from contactsense.runtime.buffers import Buffers, buffer_views
@@ -114,17 +115,10 @@ def explain_sample(
             state.candidate_links[best] = 1
     scene = searched_surface(constants)
     arrays = SearchArrays(state.search_buffers, state.surface_cells, state.candidates, state.frames)
-    count = locate_contacts(
-        scene,
-        state.candidate_links,
-        state.motion,
-        state.hypotheses,
-        has_base,
-        constants.prior,
-        arrays,
-        True,
-        state.link_probability,
+    problem = SingleContactProblem(
+        scene, state.candidate_links, state.motion, state.hypotheses, has_base, constants.prior
     )
+    count = locate_contacts(problem, arrays, True, state.link_probability)
     if has_base:
         count = merge_overlapping(constants.surfaces, state.candidates, count)
     listed: int = write_candidates(constants, state, Grids(*skin), min(count, rows.shape[0]), rows)

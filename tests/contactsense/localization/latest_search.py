@@ -1,15 +1,19 @@
-"""The searched surface and the arrays of a localizer's latest measurement, as kernels take them."""
+"""The problem and the arrays of a localizer's latest measurement, as the searches for a contact take them."""
 
 from contactsense import Localizer
 from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
+from contactsense.localization.single_contact_problem import SingleContactProblem
 
 
-def latest_search(localizer: Localizer) -> tuple[SearchedSurface, SearchArrays]:
-    """What a search for contacts gets."""
+def latest_search(localizer: Localizer) -> tuple[SingleContactProblem, SearchArrays]:
+    """What a search for one contact gets, if base wrench and joint torques were measured."""
     constants, state = localizer._buffers.constants, localizer._buffers.state
     surface = SearchedSurface(
         constants.surfaces, constants.samples, constants.surface_blocks, constants.subsamples,
         constants.deviations, constants.touchable, constants.left_out, constants.unmodelled,
         constants.sensors.depth,
     )  # fmt: skip
-    return surface, SearchArrays(state.search_buffers, state.surface_cells, state.candidates, state.frames)
+    problem = SingleContactProblem(
+        surface, constants.touchable, state.motion, state.hypotheses, True, constants.prior
+    )
+    return problem, SearchArrays(state.search_buffers, state.surface_cells, state.candidates, state.frames)

@@ -18,6 +18,7 @@ from contactsense.robots.vectors import vector
 from contactsense.solvers.posterior.contact_prior import Contact, pushing_force
 from contactsense.solvers.posterior.mode import ENERGY_CUTOFF
 from contactsense.solvers.wrench import Wrench
+from tests.contactsense.localization.latest_search import latest_search
 from tests.contactsense.solvers.one_lane import enter_surface, posterior_mode
 from tests.plain_arm import contacts, plain_ur5e
 
@@ -37,16 +38,8 @@ def localizer() -> Localizer:
 
 
 def _search(localizer: Localizer, competing_evidence: float = -math.inf) -> int:
-    constants, state = localizer._buffers.constants, localizer._buffers.state
-    found: int = search_along_line_of_action(
-        PlacedSurface(constants.surfaces, constants.deviations, state.frames),
-        constants.touchable,
-        state.hypotheses,
-        constants.prior,
-        state.search_buffers,
-        state.candidates,
-        competing_evidence,
-    )
+    problem, arrays = latest_search(localizer)
+    found: int = search_along_line_of_action(problem, arrays, competing_evidence)
     return found
 
 

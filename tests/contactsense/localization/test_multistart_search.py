@@ -8,7 +8,6 @@ import pytest
 from contactsense import JointTorqueSensor, Localizer, Scene, WrenchSensor, robots
 from contactsense.localization.line_of_action_search import search_along_line_of_action
 from contactsense.localization.multistart_search import search_from_samples
-from contactsense.localization.placed_surface import PlacedSurface
 from contactsense.solvers.posterior.mode import ENERGY_CUTOFF
 from tests.contactsense.localization.latest_search import latest_search
 from tests.plain_arm import Truth, contacts, plain_ur5e
@@ -27,21 +26,11 @@ def _localizer(robot: robots.Robot | str) -> Localizer:
 
 def _best_scores(localizer: Localizer) -> tuple[float, float]:
     """Best log evidence of the latest measurement: along the line of action, and from many starts."""
-    constants, state = localizer._buffers.constants, localizer._buffers.state
-    candidates = state.candidates
-    scene, arrays = latest_search(localizer)
-    count = search_along_line_of_action(
-        PlacedSurface(scene.surfaces, scene.deviations, arrays.frames),
-        constants.touchable,
-        state.hypotheses,
-        constants.prior,
-        state.search_buffers,
-        candidates,
-    )
+    problem, arrays = latest_search(localizer)
+    candidates = arrays.candidates
+    count = search_along_line_of_action(problem, arrays, -math.inf)
     along_line = float(candidates.score[candidates.order[:count]].max())
-    count = search_from_samples(
-        scene, constants.touchable, state.hypotheses, constants.prior, arrays, -math.inf
-    )
+    count = search_from_samples(problem, arrays, -math.inf)
     rows = candidates.order[:count]
     counting = rows[candidates.score[rows] > candidates.score[rows].max() - ENERGY_CUTOFF]
     assert len(counting) <= 5 * len(set(candidates.primitive[counting]))

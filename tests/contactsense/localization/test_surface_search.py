@@ -86,18 +86,15 @@ def test_only_what_is_hopeless_beside_something_else_is_not_evaluated(above: flo
         joint_torque=JointTorqueSensor(noise=1.0),
     )
     localizer = Localizer(scene)
-    constants, state = localizer._buffers.constants, localizer._buffers.state
-    surface, arrays = latest_search(localizer)
+    state = localizer._buffers.state
+    problem, arrays = latest_search(localizer)
     rows = np.zeros(2, dtype=int)
     for q, wrench, torque in zip(TRUTH.q, TRUTH.base_wrench, TRUTH.torque, strict=True):
         localizer.locate(q, base_wrench=wrench, joint_torque=torque)
         found: list[np.ndarray] = []
         competing_energy = math.inf
         for k in range(2):
-            count, best, _ = evaluate_cells(
-                surface, constants.touchable, state.motion, state.hypotheses, True, constants.prior, arrays,
-                competing_energy,
-            )  # fmt: skip
+            count, best, _ = evaluate_cells(problem, arrays, competing_energy)
             found.append(state.surface_cells.score[:count].copy())
             rows[k] += count
             competing_energy = -best - above

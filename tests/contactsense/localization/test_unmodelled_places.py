@@ -117,11 +117,9 @@ def test_the_evidence_is_that_of_the_samples(localizer: Localizer) -> None:
         for _, base, torque in _rib_pushes(localizer, link):
             localizer.locate(Q, base_wrench=base, joint_torque=torque)
             constants, state = localizer._buffers.constants, localizer._buffers.state
-            scene, arrays = latest_search(localizer)
+            problem, arrays = latest_search(localizer)
             state.surface_cells.unassigned_evidence[link] = 3.0
-            count = add_unmodelled_candidates(
-                scene, state.motion, state.hypotheses, constants.prior, arrays, link, -1e9, 0
-            )
+            count = add_unmodelled_candidates(problem, arrays, link, -1e9, 0)
             rows = state.candidates.order[:count]
             scores = state.candidates.score[rows]
             fused = np.array(state.hypotheses.wrench[link])
