@@ -33,7 +33,7 @@ from contactsense.multi_contact.joint_problem import JointProblem
 from contactsense.multi_contact.known_place_mixture import divide_known_places
 from contactsense.multi_contact.known_prior import fill_known_prior
 from contactsense.multi_contact.known_rows import Change
-from contactsense.multi_contact.pooled_evidence import log_of_sum, pool_link_evidence
+from contactsense.multi_contact.pooled_evidence import PooledSets, log_of_sum, pool_link_evidence
 from contactsense.multi_contact.pooled_places import pool_places, widen_places
 from contactsense.multi_contact.ranked_sets import rank_sets, share_evidence
 from contactsense.multi_contact.sample_likelihood import SampleModel
@@ -122,7 +122,8 @@ def search_contact_sets(
             starts, surface, problem, model, change, known_alone, first, buffers
         )
         if starts.is_pooled:
-            stored = _pool(surface, prior, model, (known_count, further), (first, stored), buffers)
+            sets = PooledSets(explanations, first, stored, known_count, further)
+            stored = _pool(surface, prior, model, sets, buffers)
             unlisted = log_of_sum(buffers.seeding.pair_evidence, explanations.score, 0)
         elif starts.is_broad:
             share_evidence(explanations, first, stored)
@@ -222,29 +223,20 @@ def _pool(
     surface: PlacedSurface,
     prior: Prior,
     model: SampleModel,
-    counts: tuple[int, int],
-    new: tuple[int, int],
+    sets: PooledSets,
     buffers: MultiContactBuffers,
 ) -> int:
-    """Pool the explanations found last with the sums over samples; returns the number of explanations.
-
-    `counts`: numbers of known and of further contacts. `new`: first of these explanations, and the one after
-    the last.
-    """
-    seeding, explanations = buffers.seeding, buffers.explanations
-    link_of, deviation = surface.surfaces.link, prior.surface_deviation
-    (known_count, further), (first, stored) = counts, new
-    if further == 1:
+    """Pool the explanations found last with the sums over samples; returns the number of explanations."""
+    seeding, link, deviation = buffers.seeding, surface.surfaces.link, prior.surface_deviation
+    if sets.further == 1:
         _fill_link_evidence(seeding.link_probability, seeding.pair_evidence)
-    pool_link_evidence(
-        link_of, explanations, first, stored, known_count, further, seeding.pair_evidence, deviation
-    )
-    if further == 2 and known_count == 0:
-        pool_places(link_of, model.samples, deviation, seeding, explanations, first, stored)
-        stored = store_summed_pairs(model, deviation, seeding, explanations, stored)
-    else:
-        widen_places(explanations, first, stored, known_count, further, deviation)
-    return stored
+    pool_link_evidence(link, sets, seeding.pair_evidence, deviation)
+    if sets.further == 2 and sets.known == 0:
+        pool_places(link, model.samples, deviation, seeding, sets)
+        stored: int = store_summed_pairs(model, deviation, seeding, sets.explanations, sets.last)
+        return stored
+    widen_places(sets, deviation)
+    return sets.last
 
 
 @fused_kernel

@@ -16,8 +16,7 @@ from contactsense.multi_contact.pair_likelihood import (
     take_first_contacts,
 )
 from contactsense.multi_contact.sample_likelihood import SampleModel, copy_lower, force_deviations
-from contactsense.multi_contact.seed_list import find_slot, put_seed
-from contactsense.multi_contact.seed_samples import SeedSamples
+from contactsense.multi_contact.seed_list import SeedList, find_slot, put_seed
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
 
@@ -60,10 +59,9 @@ def seed_pairs(model: SampleModel, count: int, seeding: SeedingBuffers) -> None:
                 seeding.pair_evidence[k, link] = (
                     base + gain[k, link] + math.log(seeding.pair_sum[k, link] * cells * cells)
                 )
-    if count == 2:
-        _choose_seeds(seed_samples, base, seeding, seeding.seed_score, seeding.seed)
-    else:
-        _choose_seeds(seed_samples, base, seeding, seeding.beam_score, seeding.beam)
+    scores, seeds = (seeding.seed_score, seeding.seed) if count == 2 else (seeding.beam_score, seeding.beam)
+    found = SeedList(2, scores, seeds, seed_samples.primitive, seeding.point_normal)
+    _choose_seeds(chosen.sample, base, seeding, found)
 
 
 @fused_kernel
@@ -116,19 +114,17 @@ def _add_pair_evidence(
 
 
 @fused_kernel
-def _choose_seeds(
-    seed_samples: SeedSamples, base: float, seeding: SeedingBuffers, scores: np.ndarray, seeds: np.ndarray
-) -> None:
+def _choose_seeds(sample: np.ndarray, base: float, seeding: SeedingBuffers, found: SeedList) -> None:
     """Fill the list of seeds, or the beam: from the best blocks down until it is full, then from all.
 
     Args:
-        seed_samples: The samples.
+        sample: Indices of the samples of each block, shape (blocks, LANES).
         base: Log likelihood without contacts.
         seeding: After `_add_pair_evidence` of all blocks; `pair_bound` of those that are used up becomes
             -infinity.
-        scores, seeds: The list.
+        found: The list, which is filled.
     """
-    bound = seeding.pair_bound
+    bound, scores = seeding.pair_bound, found.scores
     scores[:] = -math.inf
     while scores[-1] == -math.inf:
         best, at = -math.inf, (0, 0)
@@ -138,32 +134,27 @@ def _choose_seeds(
                     best, at = bound[b, d], (b, d)
         if best == -math.inf:
             return
-        _add_seeds(seed_samples, base, at, seeding, scores, seeds)
+        _add_seeds(sample, base, at, seeding, found)
     for b in range(bound.shape[0]):
         for d in range(b + 1):
             if base + bound[b, d] > scores[-1]:
-                _add_seeds(seed_samples, base, (b, d), seeding, scores, seeds)
+                _add_seeds(sample, base, (b, d), seeding, found)
 
 
 @fused_kernel
 def _add_seeds(
-    seed_samples: SeedSamples,
-    base: float,
-    at: tuple[int, int],
-    seeding: SeedingBuffers,
-    scores: np.ndarray,
-    seeds: np.ndarray,
+    sample: np.ndarray, base: float, at: tuple[int, int], seeding: SeedingBuffers, found: SeedList
 ) -> None:
     """Add the pairs of two blocks to the list of seeds where they are good enough; arguments as above."""
     seeding.pair_bound[at] = -math.inf
-    sample, likelihood = seed_samples.coarse.sample, seeding.pair_likelihood[at]
+    likelihood, scores = seeding.pair_likelihood[at], found.scores
     reference = base + seeding.pair_reference[at]
     limit = math.exp(scores[-1] - reference)
     for i in range(PAIRS):
         if likelihood[i] > limit:
             score = reference + math.log(likelihood[i])
             samples = sample[at[0], i // LANES], sample[at[1], i % LANES], 0
-            slot = find_slot(seed_samples.primitive, seeding.point_normal, 2, score, samples, scores, seeds)
+            slot = find_slot(found, score, samples)
             if slot >= 0:
-                put_seed(score, samples, slot, scores, seeds)
+                put_seed(found, score, samples, slot)
                 limit = math.exp(scores[-1] - reference)

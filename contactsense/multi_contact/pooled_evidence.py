@@ -19,6 +19,7 @@ share p'_t of optimum t in the evidence of all optima. The places become less ce
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -34,31 +35,37 @@ SMALLEST = 1e-12
 """Smallest share of the evidence that is told from none."""
 
 
+class PooledSets(NamedTuple):
+    """Explanations with the same number of contacts, whose evidence is pooled."""
+
+    explanations: Explanations
+    first: int
+    """Row of the first one."""
+    last: int
+    """Row after the last one."""
+    known: int
+    """Number of known contacts, the first ones of each."""
+    further: int
+    """Number of further ones, 1 or 2."""
+
+
 @fused_kernel
 def pool_link_evidence(
-    link: np.ndarray,
-    explanations: Explanations,
-    first: int,
-    last: int,
-    i: int,
-    further: int,
-    evidence: np.ndarray,
-    surface_deviation: float,
+    link: np.ndarray, sets: PooledSets, evidence: np.ndarray, surface_deviation: float
 ) -> None:
-    """Pool the evidence of the explanations `first` to `last` - 1 with that of the links of their further
-    contacts.
+    """Pool the evidence of explanations with that of the links of their further contacts.
 
     Their sum remains. Duplicates, and what is negligible beside the best, lose their evidence.
 
     Args:
         link: Link of each primitive, shape (P,).
-        explanations, first, last: The explanations.
-        i, further: Their first further contact, and the number of further contacts, 1 or 2.
+        sets: The explanations.
         evidence: Log evidence of each pair of links, the sum over the surface, k >= j in row k. Of one
             further contact: of each link in the diagonal, -infinity elsewhere. On return relative to the
             same as `score`, and that of links without an explanation only, -infinity for the others.
         surface_deviation: Standard deviation of the surface along its normal [m].
     """
+    explanations, first, last, _, _ = sets
     order, score, pooled = explanations.order, explanations.score, explanations.probability
     highest = _highest(evidence)
     # What is negligible in the pool is farther below the best among the optima.
@@ -71,15 +78,15 @@ def pool_link_evidence(
     total, pooled_total = 0.0, 0.0
     for a in range(kept):
         t = order[a]
-        k, j = links_of(link, explanations, t, i, further)
+        k, j = links_of(link, sets, t)
         distinct = 0
         for b in range(kept):
-            distinct += 1 if links_of(link, explanations, order[b], i, further) == (k, j) else 0
+            distinct += 1 if links_of(link, sets, order[b]) == (k, j) else 0
         share = max(math.exp(evidence[k, j] - highest), SMALLEST) / distinct
         pooled[t] = math.exp(SUM_WEIGHT * math.log(share) + (1.0 - SUM_WEIGHT) * (score[t] - best))
         total += math.exp(score[t] - best)
         pooled_total += pooled[t]
-    listed = _take_listed(link, explanations, first, last, i, further, highest, evidence)
+    listed = _take_listed(link, sets, highest, evidence)
     offset = best + math.log(total / max(listed, SMALLEST)) - highest
     for k in range(evidence.shape[0]):
         for j in range(k + 1):
@@ -123,21 +130,12 @@ def _highest(evidence: np.ndarray) -> float:
 
 
 @fused_kernel
-def _take_listed(
-    link: np.ndarray,
-    explanations: Explanations,
-    first: int,
-    last: int,
-    i: int,
-    further: int,
-    highest: float,
-    evidence: np.ndarray,
-) -> float:
+def _take_listed(link: np.ndarray, sets: PooledSets, highest: float, evidence: np.ndarray) -> float:
     """Evidence of the links that have explanations, relative to exp(`highest`), taken out of `evidence`.
     Arguments as above."""
     listed = 0.0
-    for t in range(first, last):
-        k, j = links_of(link, explanations, t, i, further)
+    for t in range(sets.first, sets.last):
+        k, j = links_of(link, sets, t)
         # Those of another explanation are zero already.
         listed += math.exp(evidence[k, j] - highest)
         evidence[k, j] = -math.inf
@@ -145,7 +143,9 @@ def _take_listed(
 
 
 @fused_kernel
-def links_of(link: np.ndarray, explanations: Explanations, t: int, i: int, further: int) -> tuple[int, int]:
-    """Links of the further contacts of explanation t, the farther from the base first."""
-    a, b = link[explanations.primitive[t, i]], link[explanations.primitive[t, i + further - 1]]
+def links_of(link: np.ndarray, sets: PooledSets, t: int) -> tuple[int, int]:
+    """Links of the further contacts of explanation t, the farther from the base first; one link twice if
+    there is one contact."""
+    primitive, i = sets.explanations.primitive[t], sets.known
+    a, b = link[primitive[i]], link[primitive[i + sets.further - 1]]
     return max(a, b), min(a, b)

@@ -15,7 +15,7 @@ import numpy as np
 
 from contactsense.multi_contact.buffers import Explanations, SeedingBuffers
 from contactsense.multi_contact.pair_places import fill_place_covariance, fill_place_likelihood
-from contactsense.multi_contact.pooled_evidence import SUM_WEIGHT, links_of, lowest_reported
+from contactsense.multi_contact.pooled_evidence import SUM_WEIGHT, PooledSets, links_of, lowest_reported
 from contactsense.multi_contact.seed_samples import SeedSamples
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.vectors import Vector, tangents, vector
@@ -27,16 +27,14 @@ Symmetric = tuple[float, float, float]
 
 
 @fused_kernel
-def widen_places(
-    explanations: Explanations, first: int, last: int, i: int, further: int, surface_deviation: float
-) -> None:
-    """Widen the places of the further contacts of the explanations `first` to `last` - 1.
+def widen_places(sets: PooledSets, surface_deviation: float) -> None:
+    """Widen the places of the further contacts of explanations.
 
     Arguments as for `contactsense.multi_contact.pooled_evidence.pool_link_evidence`.
     """
-    for t in range(first, last):
-        for contact in range(i, i + further):
-            _widen(explanations, t, contact, surface_deviation)
+    for t in range(sets.first, sets.last):
+        for i in range(sets.known, sets.known + sets.further):
+            _widen(sets.explanations, t, i, surface_deviation)
 
 
 @fused_kernel
@@ -45,28 +43,25 @@ def pool_places(
     seed_samples: SeedSamples,
     surface_deviation: float,
     seeding: SeedingBuffers,
-    explanations: Explanations,
-    first: int,
-    last: int,
+    sets: PooledSets,
 ) -> None:
-    """Pool the places of the explanations `first` to `last` - 1, two contacts with nothing known before, with
-    the sum over all pairs of samples.
+    """Pool the places of explanations, two contacts with nothing known before, with the sum over all pairs of
+    samples.
 
     Of two contacts on one link the sum does not tell which is which; they are widened only.
 
     Args:
-        link, explanations, first, last, surface_deviation: As for
+        link, sets, surface_deviation: As for
             `contactsense.multi_contact.pooled_evidence.pool_link_evidence`, after it.
         seed_samples, seeding: The samples, after `contactsense.multi_contact.pair_seeding.seed_pairs`.
     """
+    explanations, first, last, _, _ = sets
     lowest = lowest_reported(seeding.pair_evidence, explanations.score, last)
     for own in range(seeding.pair_evidence.shape[0]):
         for other in range(own + 1):
             is_filled = False
             for t in range(first, last):
-                if not (
-                    explanations.score[t] > lowest and links_of(link, explanations, t, 0, 2) == (own, other)
-                ):
+                if not (explanations.score[t] > lowest and links_of(link, sets, t) == (own, other)):
                     continue
                 if own == other:
                     _widen(explanations, t, 0, surface_deviation)

@@ -22,7 +22,7 @@ from contactsense.multi_contact.sample_likelihood import (
     is_pushing,
     weight_innovation,
 )
-from contactsense.multi_contact.seed_list import SAME_SIDE_COSINE, find_slot, put_seed
+from contactsense.multi_contact.seed_list import SAME_SIDE_COSINE, SeedList, find_slot, put_seed
 from contactsense.multi_contact.seed_samples import SampleBlocks
 from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
 from contactsense.robots.jit.lanes import LANES
@@ -93,7 +93,8 @@ def _likelihood_in_block(
 def _seed_singles(model: SampleModel, seeding: SeedingBuffers) -> None:
     """Every coarse sample: seeds of one contact beside known ones."""
     seed_samples = model.samples
-    chosen, scores, seeds = seed_samples.coarse, seeding.seed_score, seeding.seed
+    chosen, scores = seed_samples.coarse, seeding.seed_score
+    found = SeedList(1, scores, seeding.seed, seed_samples.primitive, seeding.point_normal)
     deviations = force_deviations(model.force_scale, model.friction_ratio)
     base = take_samples(model, seeding)
     for d in range(chosen.link.shape[0]):
@@ -103,9 +104,9 @@ def _seed_singles(model: SampleModel, seeding: SeedingBuffers) -> None:
             if not (block[NORMAL_FORCE + e] > 0.0 and base + block[GAIN + e] > scores[-1]):
                 continue
             score, samples = base + log_gain(block, e), (chosen.sample[d, e], 0, 0)
-            slot = find_slot(seed_samples.primitive, seeding.point_normal, 1, score, samples, scores, seeds)
+            slot = find_slot(found, score, samples)
             if slot >= 0:
-                put_seed(score, samples, slot, scores, seeds)
+                put_seed(found, score, samples, slot)
 
 
 @fused_kernel
@@ -113,6 +114,7 @@ def _seed_triples(model: SampleModel, seeding: SeedingBuffers) -> None:
     """The pairs of the beam, each extended by every coarse sample, after `seed_pairs`."""
     seed_samples, (_, m) = model.samples, model.measurement
     chosen, scores = seed_samples.coarse, seeding.seed_score
+    found = SeedList(3, scores, seeding.seed, seed_samples.primitive, seeding.point_normal)
     deviations = force_deviations(model.force_scale, model.friction_ratio)
     for d in range(chosen.link.shape[0]):
         for e in range(chosen.filled[d]):
@@ -142,11 +144,9 @@ def _seed_triples(model: SampleModel, seeding: SeedingBuffers) -> None:
                 # In a fixed order, so that permutations are one seed.
                 a, c = max(i, max(k, j)), min(i, min(k, j))
                 score, samples = base + log_gain(block, e), (a, i + k + j - a - c, c)
-                slot = find_slot(
-                    seed_samples.primitive, seeding.point_normal, 3, score, samples, scores, seeding.seed
-                )
+                slot = find_slot(found, score, samples)
                 if slot >= 0 and _all_push(m, d * LANES + e, (i, k, j), seeding):
-                    put_seed(score, samples, slot, scores, seeding.seed)
+                    put_seed(found, score, samples, slot)
 
 
 @fused_kernel

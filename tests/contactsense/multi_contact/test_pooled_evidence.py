@@ -7,7 +7,7 @@ import pytest
 from scipy.special import logsumexp
 
 from contactsense.multi_contact.buffers import Explanations
-from contactsense.multi_contact.pooled_evidence import SUM_WEIGHT, log_of_sum, pool_link_evidence
+from contactsense.multi_contact.pooled_evidence import SUM_WEIGHT, PooledSets, log_of_sum, pool_link_evidence
 from contactsense.robots.jit.flat_buffers import zeros
 
 LINKS = 4
@@ -42,7 +42,8 @@ def _evidence(**pairs: float) -> np.ndarray:
 def _pooled(optima: Sequence[Optimum], evidence: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Log evidence of each optimum after pooling, and that of the pairs of links without one."""
     explanations, evidence = _explanations(optima), evidence.copy()
-    pool_link_evidence(LINK, explanations, 0, len(optima), 0, 2, evidence, SURFACE_DEVIATION)
+    sets = PooledSets(explanations, 0, len(optima), 0, 2)
+    pool_link_evidence(LINK, sets, evidence, SURFACE_DEVIATION)
     return explanations.score[: len(optima)].copy(), evidence
 
 
@@ -103,7 +104,7 @@ def test_one_further_contact_is_pooled_by_its_link_alone() -> None:
     explanations = _explanations(optima)
     # The first contact is known: its link is the same in all.
     evidence = _evidence(l33=0.0, l22=-1.0, l11=-2.0)
-    pool_link_evidence(LINK, explanations, 0, 3, 1, 1, evidence, SURFACE_DEVIATION)
+    pool_link_evidence(LINK, PooledSets(explanations, 0, 3, 1, 1), evidence, SURFACE_DEVIATION)
     own, shares = np.array([1.0, 0.5, 2.0]), np.array([-np.log(2.0), -np.log(2.0), -1.0])
     expected = SUM_WEIGHT * shares + (1.0 - SUM_WEIGHT) * own
     expected += logsumexp(own) - logsumexp(expected)

@@ -5,7 +5,7 @@ import pytest
 
 from contactsense.multi_contact.buffers import Explanations, MultiContactBuffers
 from contactsense.multi_contact.pair_places import fill_place_covariance, fill_place_likelihood
-from contactsense.multi_contact.pooled_evidence import SUM_WEIGHT
+from contactsense.multi_contact.pooled_evidence import SUM_WEIGHT, PooledSets
 from contactsense.multi_contact.pooled_places import PLACE_WEIGHT, pool_covariance, pool_places, widen_places
 from contactsense.multi_contact.seeding import find_seeds
 from contactsense.robots.jit.flat_buffers import zeros
@@ -33,7 +33,7 @@ def _random_covariance(rng: np.random.Generator, size: float) -> np.ndarray:
 
 def test_a_region_grows_along_the_surface_only() -> None:
     explanations = _explanations()
-    widen_places(explanations, 0, 1, 0, 2, SURFACE_DEVIATION)
+    widen_places(PooledSets(explanations, 0, 1, 0, 2), SURFACE_DEVIATION)
     grown = 1.0 / (1.0 - SUM_WEIGHT)
     expected = np.diag((4e-4 * grown, 1e-4 * grown, ALONG_NORMAL))
     np.testing.assert_allclose(explanations.covariance[0, :2], [expected, expected], atol=1e-15)
@@ -41,7 +41,7 @@ def test_a_region_grows_along_the_surface_only() -> None:
 
 def test_a_known_place_stays_as_it_is() -> None:
     explanations = _explanations()
-    widen_places(explanations, 0, 1, 1, 1, SURFACE_DEVIATION)
+    widen_places(PooledSets(explanations, 0, 1, 1, 1), SURFACE_DEVIATION)
     np.testing.assert_array_equal(explanations.covariance[0, 0], OPTIMUM)
     assert explanations.covariance[0, 1, 0, 0] == pytest.approx(4e-4 / (1.0 - SUM_WEIGHT))
 
@@ -50,7 +50,7 @@ def test_a_covariance_on_another_side_of_an_edge_stays_one() -> None:
     explanations = _explanations()
     normal = np.array([0.0, 0.6, 0.8])
     explanations.normal[0, :2] = normal
-    widen_places(explanations, 0, 1, 0, 2, SURFACE_DEVIATION)
+    widen_places(PooledSets(explanations, 0, 1, 0, 2), SURFACE_DEVIATION)
     for covariance in explanations.covariance[0, :2]:
         assert np.linalg.eigvalsh(covariance).min() > 0.0
         assert normal @ covariance @ normal == pytest.approx(ALONG_NORMAL)
@@ -99,7 +99,7 @@ def _two_contacts(links: tuple[int, int]) -> tuple[MultiContactBuffers, np.ndarr
 def test_places_are_pooled_with_the_sum_about_them(links: tuple[int, int]) -> None:
     buffers, link, samples = _two_contacts(links)
     seed_samples, seeding, explanations = buffers.seed_samples, buffers.seeding, buffers.explanations
-    pool_places(link, seed_samples, SURFACE_DEVIATION, seeding, explanations, 0, 1)
+    pool_places(link, seed_samples, SURFACE_DEVIATION, seeding, PooledSets(explanations, 0, 1, 0, 2))
     fill_place_likelihood(seed_samples, 4, 1, (0, 0), seeding)
     for i, (of, sample) in enumerate(zip(links, samples, strict=True)):
         place = seeding.point_normal[sample]
@@ -113,7 +113,8 @@ def test_places_are_pooled_with_the_sum_about_them(links: tuple[int, int]) -> No
 
 def test_two_contacts_on_one_link_are_widened_only() -> None:
     buffers, link, samples = _two_contacts((3, 3))
-    pool_places(link, buffers.seed_samples, SURFACE_DEVIATION, buffers.seeding, buffers.explanations, 0, 1)
+    sets = PooledSets(buffers.explanations, 0, 1, 0, 2)
+    pool_places(link, buffers.seed_samples, SURFACE_DEVIATION, buffers.seeding, sets)
     n = buffers.seeding.point_normal[samples[0], 3:]
     expected = 1e-2 / (1.0 - SUM_WEIGHT) * (np.eye(3) - np.outer(n, n)) + ALONG_NORMAL * np.outer(n, n)
     np.testing.assert_allclose(buffers.explanations.covariance[0, 0], expected, rtol=1e-9, atol=1e-12)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from contactsense.multi_contact.seed_list import find_slot, put_seed
+from contactsense.multi_contact.seed_list import SeedList, find_slot, put_seed
 
 PRIMITIVES = np.array([0, 0, 0, 1], dtype=np.int64)
 POINT_NORMAL = np.array(
@@ -20,11 +20,12 @@ def _inserted(*candidates: tuple[float, tuple[int, ...]], length: int = 4) -> li
     """Content of the list, the best first."""
     count = len(candidates[0][1])
     scores, seeds = np.full(length, -np.inf), np.zeros((length, 3), dtype=np.int64)
+    found = SeedList(count, scores, seeds, PRIMITIVES, POINT_NORMAL)
     for score, samples in candidates:
         chosen = (*samples, 0, 0)[:3]
-        slot = find_slot(PRIMITIVES, POINT_NORMAL, count, score, chosen, scores, seeds)
+        slot = find_slot(found, score, chosen)
         if slot >= 0:
-            put_seed(score, chosen, slot, scores, seeds)
+            put_seed(found, score, chosen, slot)
     assert (np.diff(scores[np.isfinite(scores)]) <= 0.0).all()
     return [tuple(int(sample) for sample in seed[:count]) for seed in seeds[np.isfinite(scores)]]
 
