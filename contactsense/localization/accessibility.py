@@ -39,6 +39,9 @@ OWN_CLEARANCE = 0.5e-3
 the faces on which two primitives touch are inside of the link."""
 PENETRATION_SCALE = 4.0
 """Scale of the tolerated penetration: the surface deviation over this number."""
+MOUNTING_FACE_NORMAL = -0.5
+"""The normal of the mounting face has a smaller z component than this: it points down by more than 30
+degrees."""
 FULLY_ACCESSIBLE = 0.98
 """Accessible share above which point and covariance of a candidate are not changed."""
 
@@ -261,7 +264,10 @@ def apply_accessibility(
 def is_mounting_face(link: int, z: float, nz: float, spread: float) -> bool:
     """Whether a point is on the mounting face of the base link, which cannot be touched.
 
-    link: index of the link. z: height above the mounting plane z = 0 of the base frame [m]. nz: z
-    component of the outward normal. spread: tolerance [m].
+    Args:
+        link: Index of the link.
+        z: Height above the mounting plane z = 0 of the base frame [m].
+        nz: z component of the outward normal.
+        spread: Tolerance of the height [m].
     """
-    return link == 0 and z < spread and nz < -0.5
+    return link == 0 and z < spread and nz < MOUNTING_FACE_NORMAL

@@ -12,6 +12,7 @@ import numpy as np
 from contactsense.isolation.link_hypotheses import Hypotheses
 from contactsense.kinematics.linalg.ldl import ldl_solve
 from contactsense.kinematics.model import Motion
+from contactsense.localization.log_sum import log_add
 from contactsense.localization.surface_moments import (
     BROAD_FORCE,
     SurfaceMoments,
@@ -68,8 +69,7 @@ def none_of_these_evidence(
             left_out, k, motion.rotation[depth[k]], motion.origin[depth[k]], force, hypotheses, prior, buffers
         )
         is_touch = is_touch or evidence > anything
-        high, low = max(total, evidence), min(total, evidence)
-        total = high if low == -math.inf else high + math.log1p(math.exp(low - high))
+        total = log_add(total, evidence)
     return total, is_touch
 
 

@@ -8,6 +8,7 @@ import math
 
 from contactsense.localization.accessibility import accessible_share, clearance
 from contactsense.localization.candidate_buffers import MAX_CANDIDATES
+from contactsense.localization.log_sum import log_add
 from contactsense.localization.placed_surface import PlacedSurface
 from contactsense.localization.searched_surface import SearchArrays, placed_surface
 from contactsense.localization.single_contact_problem import SingleContactProblem
@@ -61,15 +62,8 @@ def search_surface(problem: SingleContactProblem, arrays: SearchArrays, competin
     for s in range(rows):
         if cells.score[s] > best - ENERGY_CUTOFF:
             link = surfaces.link[cells.primitive[s]]
-            cells.unassigned_evidence[link] = _log_add(cells.unassigned_evidence[link], cells.score[s])
+            cells.unassigned_evidence[link] = log_add(cells.unassigned_evidence[link], cells.score[s])
     return count
-
-
-@fused_kernel
-def _log_add(a: float, b: float) -> float:
-    """log(exp(a) + exp(b))."""
-    high, low = max(a, b), min(a, b)
-    return high if low == -math.inf else high + math.log1p(math.exp(low - high))
 
 
 @fused_kernel

@@ -187,13 +187,13 @@ def _largest_deviation_energy(
     for k in range(1, SLICE_COUNT + 1):
         if math.isinf(state.slices[k].variance_ratio):
             break
-        log_time = (state.status[0].log_time - state.slices[k].log_time) ** 2
+        squared_log_ratio = (state.status[0].log_time - state.slices[k].log_time) ** 2
         energy = 0.0
         for j in range(residual.shape[0]):
             deviation = residual[j] - state.mean_residual[k, j]
             noise = (1.0 + state.slices[k].variance_ratio) * variance.ratio * variance.noise[j]
             sigma2 = unmodelled_torque_std(torque_model, j, 0.0) ** 2 + variance.model[j]
-            energy += deviation * deviation / (log_time * sigma2 + noise)
+            energy += deviation * deviation / (squared_log_ratio * sigma2 + noise)
         highest = max(highest, 0.5 * energy)
     return highest
 

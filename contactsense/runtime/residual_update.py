@@ -188,7 +188,7 @@ def set_external(state: State, residuals: ResidualParts) -> None:
 @inlined_kernel
 def residual_variance_ratio(state: State, usable: tuple[bool, bool, int]) -> float:
     """Variance of the observers' residuals over that of one sample's noise: the largest of the usable
-    sensors, see `contactsense.detection.thresholds.Usable`. A sensor that has missed a sample has a larger
+    sensors, see `contactsense.sensors.usable_sensors.Usable`. A sensor that has missed a sample has a larger
     ratio."""
     variance_ratio = 0.0
     if usable[0]:
