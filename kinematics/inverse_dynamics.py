@@ -6,10 +6,12 @@ moment). The kernels fill arrays of the caller and allocate nothing. They do not
 
 import numpy as np
 
+from contactsense.kinematics.body_motion import apply_inertia, point_in_base, rows_of
 from contactsense.kinematics.model import Model, Motion
-from contactsense.kinematics.momenta import apply_inertia, com_in_base, kinematics_and_momenta
+from contactsense.kinematics.momenta import kinematics_and_momenta
 from contactsense.kinematics.spatial import dot6
 from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.vectors import add, add_cross, scale, vector
 
 
 @kernel
@@ -29,51 +31,34 @@ def inverse_dynamics(
     """
     kinematics_and_momenta(model, q, qd, gravity, motion)
     n = q.shape[0]
-    twist, screw, rate = motion.twist, motion.screw, motion.screw_rate
+    twist, screw, screw_rate = motion.twist, motion.screw, motion.screw_rate
     # Acceleration of each link: time derivative of its twist at the base origin, summed outward here
     base_wrench[:] = 0.0
     acceleration = base_wrench
     for j in range(n):
         for i in range(6):
-            acceleration[i] += screw[j, i] * qdd[j] + rate[j, i] * qd[j]
+            acceleration[i] += screw[j, i] * qdd[j] + screw_rate[j, i] * qd[j]
     # and subtracted joint by joint in the inward pass, so that no array of accelerations is needed.
-    fx = fy = fz = mx = my = mz = 0.0
+    force, moment = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for j in range(n, -1, -1):
-        c = com_in_base(motion.rotation[j], model.com[j], motion.origin[j])
-        m = model.mass[j]
-        vx, vy, vz = twist[j, 0], twist[j, 1], twist[j, 2]
-        wx, wy, wz = twist[j, 3], twist[j, 4], twist[j, 5]
-        ax, ay, az = acceleration[3], acceleration[4], acceleration[5]
-        # Velocity and acceleration of the centre of mass.
-        ux, uy, uz = vx + wy * c[2] - wz * c[1], vy + wz * c[0] - wx * c[2], vz + wx * c[1] - wy * c[0]
-        px = m * (acceleration[0] + ay * c[2] - az * c[1] + wy * uz - wz * uy)
-        py = m * (acceleration[1] + az * c[0] - ax * c[2] + wz * ux - wx * uz)
-        pz = m * (acceleration[2] + ax * c[1] - ay * c[0] + wx * uy - wy * ux)
-        lx, ly, lz = apply_inertia(motion.rotation[j], model.inertia[j], wx, wy, wz)
-        kx, ky, kz = apply_inertia(motion.rotation[j], model.inertia[j], ax, ay, az)
-        fx += px
-        fy += py
-        fz += pz
-        mx += kx + wy * lz - wz * ly + c[1] * pz - c[2] * py
-        my += ky + wz * lx - wx * lz + c[2] * px - c[0] * pz
-        mz += kz + wx * ly - wy * lx + c[0] * py - c[1] * px
+        R, inertia = rows_of(motion.rotation[j]), rows_of(model.inertia[j])
+        c = point_in_base(R, vector(motion.origin[j]), vector(model.com[j]))
+        w, alpha = vector(twist[j, 3:]), vector(acceleration[3:])
+        velocity_of_com = add_cross(vector(twist[j]), w, c)
+        acceleration_of_com = add_cross(add_cross(vector(acceleration), alpha, c), w, velocity_of_com)
+        rate = scale(model.mass[j], acceleration_of_com)
+        spin, spin_rate = apply_inertia(R, inertia, w), apply_inertia(R, inertia, alpha)
+        force = add(force, rate)
+        moment = add(moment, add_cross(add_cross(spin_rate, w, spin), c, rate))
         if j > 0:
             s = screw[j - 1]
             torque[j - 1] = (
-                s[0] * fx
-                + s[1] * fy
-                + s[2] * fz
-                + s[3] * mx
-                + s[4] * my
-                + s[5] * mz
+                dot6(s, (*force, *moment))
                 - dot6(s, motion.gravity[j])
                 + model.rotor_inertia[j - 1] * qdd[j - 1]
             )
             for i in range(6):
-                acceleration[i] -= s[i] * qdd[j - 1] + rate[j - 1, i] * qd[j - 1]
-    base_wrench[0] = motion.gravity[0, 0] - fx
-    base_wrench[1] = motion.gravity[0, 1] - fy
-    base_wrench[2] = motion.gravity[0, 2] - fz
-    base_wrench[3] = motion.gravity[0, 3] - mx
-    base_wrench[4] = motion.gravity[0, 4] - my
-    base_wrench[5] = motion.gravity[0, 5] - mz
+                acceleration[i] -= s[i] * qdd[j - 1] + screw_rate[j - 1, i] * qd[j - 1]
+    for i in range(3):
+        base_wrench[i] = motion.gravity[0, i] - force[i]
+        base_wrench[3 + i] = motion.gravity[0, 3 + i] - moment[i]

@@ -6,9 +6,18 @@ moment). The kernels fill arrays of the caller and allocate nothing. They do not
 
 import numpy as np
 
+from contactsense.kinematics.body_motion import (
+    apply_inertia,
+    momentum_of_body,
+    point_in_base,
+    rows_of,
+    screw_rate,
+    weight_of_body,
+)
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import Model, Motion
 from contactsense.robots.jit.kernel import inlined_kernel, kernel
+from contactsense.robots.vectors import vector
 
 
 @kernel
@@ -23,17 +32,10 @@ def kinematics_and_momenta(
     for i in range(6):
         twist[0, i] = 0.0
     for j in range(n):
-        vx, vy, vz = twist[j, 0], twist[j, 1], twist[j, 2]
-        wx, wy, wz = twist[j, 3], twist[j, 4], twist[j, 5]
-        ax, ay, az = screw[j, 0], screw[j, 1], screw[j, 2]
-        zx, zy, zz = screw[j, 3], screw[j, 4], screw[j, 5]
         # The screw moves with the parent's twist.
-        rate[j, 0] = wy * az - wz * ay + vy * zz - vz * zy
-        rate[j, 1] = wz * ax - wx * az + vz * zx - vx * zz
-        rate[j, 2] = wx * ay - wy * ax + vx * zy - vy * zx
-        rate[j, 3] = wy * zz - wz * zy
-        rate[j, 4] = wz * zx - wx * zz
-        rate[j, 5] = wx * zy - wy * zx
+        m, z = screw_rate(vector(twist[j]), vector(twist[j, 3:]), vector(screw[j]), vector(screw[j, 3:]))
+        for i in range(3):
+            rate[j, i], rate[j, 3 + i] = m[i], z[i]
         for i in range(6):
             twist[j + 1, i] = twist[j, i] + screw[j, i] * qd[j]
     _sum_inward(model, gravity, motion)
@@ -85,49 +87,10 @@ def body_momentum_and_weight(
         momentum: Filled: linear and angular momentum (6,).
         weight: Filled: gravity wrench (6,).
     """
-    cx, cy, cz = com_in_base(rotation, com, origin)
-    vx, vy, vz = twist[0], twist[1], twist[2]
-    wx, wy, wz = twist[3], twist[4], twist[5]
-    hx = mass * (vx + wy * cz - wz * cy)
-    hy = mass * (vy + wz * cx - wx * cz)
-    hz = mass * (vz + wx * cy - wy * cx)
-    lx, ly, lz = apply_inertia(rotation, inertia, wx, wy, wz)
-    fx, fy, fz = mass * gravity[0], mass * gravity[1], mass * gravity[2]
-    momentum[0] = hx
-    momentum[1] = hy
-    momentum[2] = hz
-    momentum[3] = lx + cy * hz - cz * hy
-    momentum[4] = ly + cz * hx - cx * hz
-    momentum[5] = lz + cx * hy - cy * hx
-    weight[0] = fx
-    weight[1] = fy
-    weight[2] = fz
-    weight[3] = cy * fz - cz * fy
-    weight[4] = cz * fx - cx * fz
-    weight[5] = cx * fy - cy * fx
-
-
-@inlined_kernel
-def com_in_base(R: np.ndarray, c: np.ndarray, o: np.ndarray) -> tuple[float, float, float]:
-    """Transform the body-frame point c to the base frame [m]."""
-    return (
-        o[0] + R[0, 0] * c[0] + R[0, 1] * c[1] + R[0, 2] * c[2],
-        o[1] + R[1, 0] * c[0] + R[1, 1] * c[1] + R[1, 2] * c[2],
-        o[2] + R[2, 0] * c[0] + R[2, 1] * c[1] + R[2, 2] * c[2],
-    )
-
-
-@inlined_kernel
-def apply_inertia(R: np.ndarray, J: np.ndarray, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """R J R^T times the vector (x, y, z): an inertia tensor in body axes applied to a vector in base axes."""
-    bx = R[0, 0] * x + R[1, 0] * y + R[2, 0] * z
-    by = R[0, 1] * x + R[1, 1] * y + R[2, 1] * z
-    bz = R[0, 2] * x + R[1, 2] * y + R[2, 2] * z
-    sx = J[0, 0] * bx + J[0, 1] * by + J[0, 2] * bz
-    sy = J[1, 0] * bx + J[1, 1] * by + J[1, 2] * bz
-    sz = J[2, 0] * bx + J[2, 1] * by + J[2, 2] * bz
-    return (
-        R[0, 0] * sx + R[0, 1] * sy + R[0, 2] * sz,
-        R[1, 0] * sx + R[1, 1] * sy + R[1, 2] * sz,
-        R[2, 0] * sx + R[2, 1] * sy + R[2, 2] * sz,
-    )
+    R, angular = rows_of(rotation), vector(twist[3:])
+    c = point_in_base(R, vector(origin), vector(com))
+    spin = apply_inertia(R, rows_of(inertia), angular)
+    h, k = momentum_of_body(mass, c, spin, vector(twist), angular)
+    f, m = weight_of_body(mass, c, vector(gravity))
+    for i in range(3):
+        momentum[i], momentum[3 + i], weight[i], weight[3 + i] = h[i], k[i], f[i], m[i]

@@ -11,7 +11,8 @@ import numpy as np
 
 from contactsense.kinematics.model import Model, Motion
 from contactsense.robots import Inertia
-from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.jit.kernel import inlined_kernel, kernel
+from contactsense.robots.vectors import Vector, add_cross, cross, dot, vector
 
 PARAMETERS = 10
 """Number of inertial parameters of one body."""
@@ -35,20 +36,15 @@ def body_regressor(
         angular_velocity: Scratch, (3,).
     """
     momentum[:, :] = 0.0
-    wx, wy, wz = twist[3], twist[4], twist[5]
-    ox, oy, oz = origin[0], origin[1], origin[2]
-    # Velocity of the body's origin.
-    vx, vy, vz = twist[0] + wy * oz - wz * oy, twist[1] + wz * ox - wx * oz, twist[2] + wx * oy - wy * ox
-    momentum[0, 0], momentum[1, 0], momentum[2, 0] = vx, vy, vz
-    momentum[3, 0], momentum[4, 0], momentum[5, 0] = oy * vz - oz * vy, oz * vx - ox * vz, ox * vy - oy * vx
+    w, o = vector(twist[3:]), vector(origin)
+    velocity_of_origin = add_cross(vector(twist), w, o)
+    _store(velocity_of_origin, cross(o, velocity_of_origin), momentum[:, 0])
     for i in range(3):
-        ex, ey, ez = rotation[0, i], rotation[1, i], rotation[2, i]
-        px, py, pz = wy * ez - wz * ey, wz * ex - wx * ez, wx * ey - wy * ex  # omega x e
-        momentum[0, 1 + i], momentum[1, 1 + i], momentum[2, 1 + i] = px, py, pz
-        momentum[3, 1 + i] = ey * vz - ez * vy + oy * pz - oz * py
-        momentum[4, 1 + i] = ez * vx - ex * vz + oz * px - ox * pz
-        momentum[5, 1 + i] = ex * vy - ey * vx + ox * py - oy * px
-        angular_velocity[i] = ex * wx + ey * wy + ez * wz  # angular velocity in body axes
+        axis = vector(rotation[:, i])
+        p = cross(w, axis)
+        _store(p, add_cross(cross(axis, velocity_of_origin), o, p), momentum[:, 1 + i])
+        # In body axes.
+        angular_velocity[i] = dot(axis, w)
     column = 4
     for k in range(3):
         for i in range(k + 1):
@@ -72,16 +68,17 @@ def weight_regressor(
         weight: Filled, (6, 10).
     """
     weight[:, :] = 0.0
-    gx, gy, gz = gravity[0], gravity[1], gravity[2]
-    weight[0, 0], weight[1, 0], weight[2, 0] = gx, gy, gz
-    for i in range(4):
-        if i == 0:
-            ax, ay, az = origin[0], origin[1], origin[2]
-        else:
-            ax, ay, az = rotation[0, i - 1], rotation[1, i - 1], rotation[2, i - 1]
-        weight[3, i] = ay * gz - az * gy
-        weight[4, i] = az * gx - ax * gz
-        weight[5, i] = ax * gy - ay * gx
+    g, zero = vector(gravity), (0.0, 0.0, 0.0)
+    _store(g, cross(vector(origin), g), weight[:, 0])
+    for i in range(3):
+        _store(zero, cross(vector(rotation[:, i]), g), weight[:, 1 + i])
+
+
+@inlined_kernel
+def _store(first: Vector, second: Vector, out: np.ndarray) -> None:
+    """Store two vectors in an array of six numbers."""
+    for i in range(3):
+        out[i], out[3 + i] = first[i], second[i]
 
 
 @kernel

@@ -46,6 +46,26 @@ def add_scaled(a: Vector, factor: float, b: Vector) -> Vector:
 
 
 @kernel
+def add_cross(a: Vector, b: Vector, c: Vector) -> Vector:
+    """a + b x c."""
+    return (
+        a[0] + b[1] * c[2] - b[2] * c[1],
+        a[1] + b[2] * c[0] - b[0] * c[2],
+        a[2] + b[0] * c[1] - b[1] * c[0],
+    )
+
+
+@kernel
+def subtract_cross(a: Vector, b: Vector, c: Vector) -> Vector:
+    """a - b x c."""
+    return (
+        a[0] - b[1] * c[2] + b[2] * c[1],
+        a[1] - b[2] * c[0] + b[0] * c[2],
+        a[2] - b[0] * c[1] + b[1] * c[0],
+    )
+
+
+@kernel
 def divide(a: Vector, divisor: float) -> Vector:
     """Quotient of a vector and a number."""
     return a[0] / divisor, a[1] / divisor, a[2] / divisor

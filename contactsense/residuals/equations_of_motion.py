@@ -22,6 +22,15 @@ from contactsense.residuals.joint_friction import JointTorqueModel, friction_tor
 from contactsense.residuals.momentum_observer import MomentumObserver, Step, advance, start_step
 from contactsense.residuals.observers import Observers
 from contactsense.robots.jit.kernel import inlined_kernel, kernel
+from contactsense.robots.vectors import (
+    Vector,
+    add_cross,
+    cross,
+    dot,
+    subtract,
+    subtract_cross,
+    vector,
+)
 
 
 class JointEquation(NamedTuple):
@@ -185,24 +194,39 @@ def advance_base(motion: Motion, wrench: np.ndarray, step: Step, state: Momentum
         state: Changed in place, six equations per body, base first.
     """
     H, G = motion.momentum[0], motion.gravity[0]
-    hx, hy, hz, lx, ly, lz = H[0], H[1], H[2], H[3], H[4], H[5]
+    p, L = vector(H), vector(H[3:])
+    force = subtract(vector(G), vector(wrench))
+    moment = subtract(vector(G[3:]), vector(wrench[3:]))
     for body in range(motion.rotation.shape[0]):
-        V = motion.twist[body]
-        vx, vy, vz, wx, wy, wz = V[0], V[1], V[2], V[3], V[4], V[5]
-        dx = G[0] - wrench[0] - (wy * hz - wz * hy)
-        dy = G[1] - wrench[1] - (wz * hx - wx * hz)
-        dz = G[2] - wrench[2] - (wx * hy - wy * hx)
-        ex = G[3] - wrench[3] - (wy * lz - wz * ly + vy * hz - vz * hy)
-        ey = G[4] - wrench[4] - (wz * lx - wx * lz + vz * hx - vx * hz)
-        ez = G[5] - wrench[5] - (wx * ly - wy * lx + vx * hy - vy * hx)
-        R, o = motion.rotation[body], motion.origin[body]
-        mx, my, mz = lx - o[1] * hz + o[2] * hy, ly - o[2] * hx + o[0] * hz, lz - o[0] * hy + o[1] * hx
-        ex, ey, ez = ex - o[1] * dz + o[2] * dy, ey - o[2] * dx + o[0] * dz, ez - o[0] * dy + o[1] * dx
+        V, R = motion.twist[body], motion.rotation[body]
+        o = vector(motion.origin[body])
+        m, d, e = equation_in_frame(p, L, force, moment, o, vector(V), vector(V[3:]))
         for i in range(3):
-            a, b, c = R[0, i], R[1, i], R[2, i]
+            axis = (R[0, i], R[1, i], R[2, i])
             at = 6 * body + i
-            advance(state, at, a * hx + b * hy + c * hz, a * dx + b * dy + c * dz, step)
-            advance(state, at + 3, a * mx + b * my + c * mz, a * ex + b * ey + c * ez, step)
+            advance(state, at, dot(axis, p), dot(axis, d), step)
+            advance(state, at + 3, dot(axis, m), dot(axis, e), step)
+
+
+@inlined_kernel
+def equation_in_frame(
+    p: Vector, L: Vector, force: Vector, moment: Vector, origin: Vector, velocity: Vector, angular: Vector
+) -> tuple[Vector, Vector, Vector]:
+    """The equation of the base wrench in a moving frame, in base axes.
+
+    Args:
+        p, L: Linear and angular momentum of the arm about the base origin [Ns, Nms].
+        force, moment: Gravity wrench less the wrench of the arm on the base sensor [N, Nm].
+        origin: Of the frame [m].
+        velocity, angular: Twist of the frame [m/s, rad/s].
+
+    Returns:
+        Angular momentum about the frame's origin [Nms]; and drift of linear and angular momentum there [N,
+        Nm].
+    """
+    d = subtract(force, cross(angular, p))
+    e = subtract(moment, add_cross(cross(angular, L), velocity, p))
+    return subtract_cross(L, origin, p), d, subtract_cross(e, origin, d)
 
 
 @kernel
