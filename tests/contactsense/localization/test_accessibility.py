@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from contactsense import Scene
-from contactsense.kinematics.momenta import kinematics_and_momenta
 from contactsense.localization.accessibility import (
     PENETRATION_SCALE,
     accessible_share,
@@ -16,13 +15,14 @@ from contactsense.localization.accessibility import (
 from contactsense.localization.candidate_buffers import store_candidate
 from contactsense.localization.local_prior import SurfaceError
 from contactsense.localization.placed_surface import PlacedSurface
-from contactsense.localization.primitive_frames import Frame, place_primitives
+from contactsense.localization.primitive_frames import Frame
 from contactsense.robots.surface.convex_primitives import project
 from contactsense.robots.vectors import tangents
-from contactsense.runtime.state import State, empty_state
+from contactsense.runtime.state import State
 from contactsense.scene_model.constants import Constants, build_constants
 from contactsense.solvers.posterior.contact_prior import STUDENT_DOF, Contact
 from contactsense.solvers.posterior.mode import Mode
+from tests.contactsense.localization.placed_arm import placed
 
 TRIALS = 4000
 
@@ -30,11 +30,7 @@ TRIALS = 4000
 @pytest.fixture(scope="module")
 def arm() -> tuple[Constants, State]:
     constants = build_constants(Scene(robot="ur5e"))
-    state = empty_state(constants)
-    q = np.array([0.3, -1.2, 1.5, -1.9, -1.4, 0.5])
-    kinematics_and_momenta(constants.model, q, np.zeros(6), constants.gravity, state.motion)
-    place_primitives(constants.surfaces, constants.sensors.depth, state.motion, state.frames)
-    return constants, state
+    return constants, placed(constants, np.array([0.3, -1.2, 1.5, -1.9, -1.4, 0.5]))[0]
 
 
 def _surface(constants: Constants, state: State) -> PlacedSurface:

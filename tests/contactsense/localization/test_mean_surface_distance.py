@@ -4,16 +4,13 @@ import numpy as np
 import pytest
 
 from contactsense import Scene
-from contactsense.kinematics.momenta import kinematics_and_momenta
 from contactsense.localization.accessibility import OWN_CLEARANCE, clearance
 from contactsense.localization.local_prior import nearest_cell
 from contactsense.localization.mean_surface_distance import mean_surface_distance
-from contactsense.localization.placed_surface import PlacedSurface
-from contactsense.localization.primitive_frames import place_primitives
 from contactsense.robots.surface.convex_primitives import project
-from contactsense.runtime.state import empty_state
 from contactsense.scene_model.constants import Constants, build_constants
 from contactsense.scene_model.deviation_cells import CELL_RADIUS
+from tests.contactsense.localization.placed_arm import placed
 
 HEIGHTS = (0.0, 0.003, 0.006)
 """Of points above the mean surface [m]."""
@@ -67,11 +64,8 @@ def test_unmoved_primitives_have_their_own_distance() -> None:
 
 
 def test_clearance_is_to_the_mean_surfaces_of_the_neighbours(coarse: Constants) -> None:
-    surfaces, cells, state = coarse.surfaces, coarse.deviations, empty_state(coarse)
-    q = np.array([0.3, -1.2, 1.5, -1.9, -1.4, 0.5])
-    kinematics_and_momenta(coarse.model, q, np.zeros(6), coarse.gravity, state.motion)
-    place_primitives(surfaces, coarse.sensors.depth, state.motion, state.frames)
-    surface = PlacedSurface(surfaces, cells, state.frames)
+    surfaces, cells = coarse.surfaces, coarse.deviations
+    state, surface = placed(coarse, np.array([0.3, -1.2, 1.5, -1.9, -1.4, 0.5]))
     rotation, origin = state.frames.rotation, state.frames.origin
     near = 0
     for p in range(len(surfaces.kind)):

@@ -7,16 +7,15 @@ import numpy as np
 import pytest
 
 from contactsense import JointTorqueSensor, Localizer, Scene, WrenchSensor, robots
-from contactsense.kinematics.momenta import kinematics_and_momenta
 from contactsense.localization.accessibility import OWN_CLEARANCE, clearance
 from contactsense.localization.placed_surface import PlacedSurface
-from contactsense.localization.primitive_frames import place_primitives
 from contactsense.readings import forward_model
 from contactsense.robots.primitives import Box
 from contactsense.robots.surface.union import distances
 from contactsense.robots.surroundings import Body
-from contactsense.runtime.state import State, empty_state
+from contactsense.runtime.state import State
 from contactsense.scene_model.constants import Constants, build_constants
+from tests.contactsense.localization.placed_arm import placed
 from tests.plain_arm import plain_ur5e
 
 PENETRATION = 1e-3
@@ -29,6 +28,7 @@ class Arm(NamedTuple):
     localizer: Localizer
     constants: Constants
     state: State
+    surface: PlacedSurface
 
 
 @pytest.fixture(scope="module", params=["ur5e", "ur10e"])
@@ -39,10 +39,7 @@ def arm(request: pytest.FixtureRequest) -> Arm:
         joint_torque=JointTorqueSensor(noise=0.002),
     )
     constants = build_constants(scene)
-    state = empty_state(constants)
-    kinematics_and_momenta(constants.model, Q, np.zeros(6), constants.gravity, state.motion)
-    place_primitives(constants.surfaces, constants.sensors.depth, state.motion, state.frames)
-    return Arm(scene, Localizer(scene), constants, state)
+    return Arm(scene, Localizer(scene), constants, *placed(constants, Q))
 
 
 def _link(arm: Arm, sample: int) -> int:
@@ -54,7 +51,7 @@ def _clearance(arm: Arm, sample: int) -> float:
     samples, body = arm.constants.samples, arm.constants.sensors.depth[_link(arm, sample)]
     R, o = arm.state.motion.rotation[body], arm.state.motion.origin[body]
     free: float = clearance(
-        PlacedSurface(arm.constants.surfaces, arm.constants.deviations, arm.state.frames),
+        arm.surface,
         int(samples.primitive[sample]),
         tuple(R @ samples.point[sample] + o),
         tuple(R @ samples.normal[sample]),
@@ -106,12 +103,10 @@ def test_the_face_on_which_two_primitives_touch_cannot_be_touched() -> None:
         plain.name, (base, *plain.links[1:]), plain.joints, plain.flange_rotation, plain.flange_translation
     )
     constants = build_constants(Scene(robot=robot))
-    state = empty_state(constants)
-    kinematics_and_momenta(constants.model, Q, np.zeros(6), constants.gravity, state.motion)
-    place_primitives(constants.surfaces, constants.sensors.depth, state.motion, state.frames)
+    _, surface = placed(constants, Q)
     free = [
         clearance(
-            PlacedSurface(constants.surfaces, constants.deviations, state.frames),
+            surface,
             0,
             (0.3, 0.3, z),
             (1.0, 0.0, 0.0),
@@ -134,10 +129,7 @@ def test_a_cover_of_the_base_link_must_leave_the_room_of_a_finger() -> None:
         primitives=(Box(center=(0.175 + gap, 0, 0.05), half=(0.1, 0.2, 0.04), rounding=0.01),),
     )
     constants = build_constants(Scene(robot=plain_ur5e(), bodies=(wall,)))
-    state = empty_state(constants)
-    kinematics_and_momenta(constants.model, Q, np.zeros(6), constants.gravity, state.motion)
-    place_primitives(constants.surfaces, constants.sensors.depth, state.motion, state.frames)
+    _, surface = placed(constants, Q)
     height = constants.prior.clearance
-    surface = PlacedSurface(constants.surfaces, constants.deviations, state.frames)
     free = clearance(surface, 0, (0.075, 0.0, 0.05), (1.0, 0.0, 0.0), height, 0.0)
     assert free == pytest.approx(gap - height, abs=1e-9)

@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 
 from contactsense import Scene, robots
-from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.localization.placed_surface import PlacedSurface
-from contactsense.localization.primitive_frames import place_primitives
 from contactsense.multi_contact.buffers import (
     Measurement,
     MultiContactBuffers,
@@ -17,8 +15,9 @@ from contactsense.multi_contact.known_prior import fill_known_prior
 from contactsense.multi_contact.known_rows import Change
 from contactsense.multi_contact.set_evidence import known_evidence
 from contactsense.robots.primitives import Sphere
-from contactsense.runtime.state import State, empty_state
+from contactsense.runtime.state import State
 from contactsense.scene_model.constants import Constants, build_constants
+from tests.contactsense.localization.placed_arm import placed
 from tests.plain_arm import plain_ur5e
 
 RADIUS = 0.09
@@ -36,10 +35,7 @@ def _constants() -> tuple[Constants, State, MultiContactBuffers]:
         plain.name, (base, *plain.links[1:]), plain.joints, plain.flange_rotation, plain.flange_translation
     )
     constants = build_constants(Scene(robot=robot))
-    state = empty_state(constants)
-    forward_kinematics(constants.model, np.zeros(6), state.motion)
-    place_primitives(constants.surfaces, constants.sensors.depth, state.motion, state.frames)
-    return constants, state, empty_multi_contact_buffers(constants)
+    return constants, placed(constants, np.zeros(6))[0], empty_multi_contact_buffers(constants)
 
 
 def log_known(covariance: np.ndarray, force: np.ndarray, drift: float) -> float:

@@ -3,9 +3,6 @@
 import numpy as np
 import pytest
 
-from contactsense.kinematics.forward_kinematics import forward_kinematics
-from contactsense.localization.placed_surface import PlacedSurface
-from contactsense.localization.primitive_frames import place_primitives
 from contactsense.multi_contact.buffers import (
     Measurement,
     MultiContactBuffers,
@@ -21,9 +18,9 @@ from contactsense.multi_contact.stored_explanations import store_explanation
 from contactsense.robots import Link, Robot
 from contactsense.robots.primitives import Box, Primitive
 from contactsense.robots.vectors import Vector
-from contactsense.runtime.state import empty_state
 from contactsense.scene import Scene
 from contactsense.scene_model.constants import Constants, build_constants
+from tests.contactsense.localization.placed_arm import placed
 from tests.plain_arm import plain_ur5e
 
 DEVIATION = 0.015
@@ -43,11 +40,8 @@ class _Known:
             plain.flange_translation,
         )  # fmt: skip
         self.constants: Constants = build_constants(Scene(robot=robot))
-        state = empty_state(self.constants)
-        forward_kinematics(self.constants.model, np.zeros(6), state.motion)
-        place_primitives(self.constants.surfaces, self.constants.sensors.depth, state.motion, state.frames)
         self.buffers: MultiContactBuffers = empty_multi_contact_buffers(self.constants)
-        self.surface = PlacedSurface(self.constants.surfaces, self.constants.deviations, state.frames)
+        _, self.surface = placed(self.constants, np.zeros(6))
         known = self.buffers.known
         known.primitive[0], known.point[0], known.force[0] = 0, point, (0.0, 0.0, -20.0)
         known.covariance[0] = DEVIATION**2 * np.diag(spread)

@@ -5,9 +5,6 @@ import numpy as np
 import pytest
 
 from contactsense import Scene
-from contactsense.kinematics.forward_kinematics import forward_kinematics
-from contactsense.localization.placed_surface import PlacedSurface
-from contactsense.localization.primitive_frames import place_primitives
 from contactsense.multi_contact.buffers import empty_multi_contact_buffers
 from contactsense.multi_contact.contact_step import move_to_cells, set_contact, vector_of
 from contactsense.multi_contact.joint_layout import (
@@ -23,8 +20,8 @@ from contactsense.multi_contact.joint_layout import (
 from contactsense.multi_contact.stored_explanations import store_explanation
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.convex_primitives import project
-from contactsense.runtime.state import empty_state
 from contactsense.scene_model.constants import build_constants
+from tests.contactsense.localization.placed_arm import placed
 
 LANE = 3
 
@@ -33,11 +30,9 @@ LANE = 3
 def test_a_contact_begins_on_the_mean_surface_with_the_deviations_of_its_cell(detail: str) -> None:
     """Against the samples of the mean surface, which are moved when the constants are built."""
     constants = build_constants(Scene(robot="ur5e", detail=detail))
-    state, joint = empty_state(constants), empty_multi_contact_buffers(constants).joint
+    joint = empty_multi_contact_buffers(constants).joint
     surfaces, cells, prior = constants.surfaces, constants.deviations, constants.prior
-    forward_kinematics(constants.model, np.full(6, 0.3), state.motion)
-    place_primitives(surfaces, constants.sensors.depth, state.motion, state.frames)
-    surface, block = PlacedSurface(surfaces, cells, state.frames), joint.contact[0]
+    (state, surface), block = placed(constants, np.full(6, 0.3)), joint.contact[0]
     owner = np.repeat(np.arange(len(surfaces.kind)), np.diff(constants.samples.start))
     on_it, looked_at = 0, range(0, len(owner), 7)
     for s in looked_at:
@@ -72,11 +67,9 @@ def _surface(block: np.ndarray) -> list[float]:
 
 def test_a_contact_that_has_left_its_cell_is_set_to_the_surface_of_the_one_it_is_in() -> None:
     constants = build_constants(Scene(robot="ur5e", detail="coarse"))
-    state, joint = empty_state(constants), empty_multi_contact_buffers(constants).joint
+    joint = empty_multi_contact_buffers(constants).joint
     cells, prior, p = constants.deviations, constants.prior, int(constants.surfaces.start[2])
-    forward_kinematics(constants.model, np.full(6, 0.3), state.motion)
-    place_primitives(constants.surfaces, constants.sensors.depth, state.motion, state.frames)
-    surface, block = PlacedSurface(constants.surfaces, cells, state.frames), joint.contact[0]
+    (state, surface), block = placed(constants, np.full(6, 0.3)), joint.contact[0]
     R, o = state.frames.rotation[p], state.frames.origin[p]
     near, far = (R @ cells.point[i] + o for i in (cells.start[p], cells.start[p + 1] - 1))
     joint.lane[ENERGY] = np.inf
@@ -97,10 +90,8 @@ def test_a_contact_that_has_left_its_cell_is_set_to_the_surface_of_the_one_it_is
 def test_a_tilt_of_the_surface_makes_the_place_of_a_torsion_uncertain() -> None:
     """The torsion xi turned by the tilt d is a moment xi d, which a force F explains by a step xi d / F."""
     constants = build_constants(Scene(robot="ur5e"))
-    state, buffers = empty_state(constants), empty_multi_contact_buffers(constants)
-    forward_kinematics(constants.model, np.full(6, 0.3), state.motion)
-    place_primitives(constants.surfaces, constants.sensors.depth, state.motion, state.frames)
-    surface = PlacedSurface(constants.surfaces, constants.deviations, state.frames)
+    buffers = empty_multi_contact_buffers(constants)
+    _, surface = placed(constants, np.full(6, 0.3))
     joint, explanations = buffers.joint, buffers.explanations
     set_contact(surface, constants.prior, joint, LANE, 0, 0, (0.1, 0.1, 0.1), (0.0, 0.0, 0.0))
     block = joint.contact[0]
