@@ -16,6 +16,9 @@ from contactsense.robots.vectors import Vector, add_cross, cross, dot, vector
 
 PARAMETERS = 10
 """Number of inertial parameters of one body."""
+WEIGHTS = 4
+"""Number of the first of them on which gravity acts: the mass, at the body's origin, and the first moments,
+along its axes."""
 
 
 @kernel
@@ -70,7 +73,7 @@ def weight_regressor(
     weight[:, :] = 0.0
     g, zero = vector(gravity), (0.0, 0.0, 0.0)
     _store(g, cross(vector(origin), g), weight[:, 0])
-    for i in range(3):
+    for i in range(WEIGHTS - 1):
         _store(zero, cross(vector(rotation[:, i]), g), weight[:, 1 + i])
 
 

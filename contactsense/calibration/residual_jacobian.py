@@ -26,7 +26,12 @@ from contactsense.calibration.recording_residuals import (
 from contactsense.kinematics.model import empty_motion
 from contactsense.kinematics.momenta import kinematics_and_momenta
 from contactsense.kinematics.regressor import PARAMETERS, arm_regressor
-from contactsense.residuals.momentum_observer import MomentumObserver, advance, empty_observer, start_step
+from contactsense.residuals.momentum_observer import (
+    MomentumObserver,
+    advance_all,
+    empty_observer,
+    start_step,
+)
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import kernel
 
@@ -200,7 +205,7 @@ def _observe_links(
     out: np.ndarray,
 ) -> None:
     """The observer, applied to the columns of the regressor instead of momenta and drifts."""
-    n = joints.q.shape[1]
+    n, size = joints.q.shape[1], out.shape[1]
     row = 0
     for i in range(joints.t.shape[0]):
         step = start_step(state, time_step(joints.t, i), bandwidth)
@@ -209,12 +214,7 @@ def _observe_links(
             arm.model, arm.motion, arm.gravity, arm.torque_model.gravity, arm.torque_model.inertia,
             momentum[:n], drift[:n], momentum[n:], drift[n:], scratch,
         )  # fmt: skip
-        e = 0
-        for r in range(momentum.shape[0]):
-            for k in range(momentum.shape[1]):
-                for c in range(momentum.shape[2]):
-                    advance(state, e, momentum[r, k, c], drift[r, k, c], step)
-                    e += 1
+        advance_all(state, momentum.reshape(size), drift.reshape(size), step)
         if i >= start and (i - start) % stride == 0:
             copy(state.residual, out[row])
             row += 1

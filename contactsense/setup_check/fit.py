@@ -24,7 +24,6 @@ import numpy as np
 from contactsense.calibration.parameters import inertial_scales
 from contactsense.scene import JointTorqueSensor, Scene
 from contactsense.sensors.settings import per_joint
-from contactsense.setup_check.instants import at_delay
 from contactsense.setup_check.lines import wrench_fields
 from contactsense.setup_check.motion_basis import MotionBases, MotionBasis, Readings
 from contactsense.setup_check.setup import BASE, Free, Kind, Order, Setup, in_order
@@ -174,7 +173,7 @@ class Fitter:
     def _error(self, setup: Setup) -> np.ndarray:
         """Readings minus prediction without nuisances, shape (M, C)."""
         n = self._joints
-        rows = len(self._basis(setup).viscous)
+        rows = self._basis(setup).rows
         error = np.full((rows, n + 6 * len(self._fields)), np.nan)
         if self._readings.torque is not None:
             predicted = np.einsum("mclp,lp->mc", self._joint_terms(setup), setup.bodies)
@@ -198,9 +197,9 @@ class Fitter:
         """Torques per inertial parameter, shape (M, n, L, 10)."""
 
         def found() -> np.ndarray:
-            basis = self._basis(setup)
-            gravity, inertia = setup.meaning == "motor", setup.meaning != "external"
-            return basis.joints(setup.gravity, gravity, inertia, setup.torque_delay)
+            gravity = setup.gravity if setup.meaning == "motor" else np.zeros(3)
+            inertia = setup.meaning != "external"
+            return self._basis(setup).joints.torques(gravity, inertia, setup.torque_delay)
 
         key = (*_motion(setup), setup.meaning, setup.torque_delay, setup.gravity.tobytes())
         return self._latest("joint_torque", key, found)
@@ -210,8 +209,7 @@ class Fitter:
         sensor = setup.sensors[field]
 
         def found() -> np.ndarray:
-            loads = self._basis(setup).loads
-            return loads.of(sensor.body).at(setup.gravity, sensor.delay)
+            return self._basis(setup).loads(sensor.body).at(setup.gravity, sensor.delay)
 
         key = (*_motion(setup), sensor.body, sensor.delay, setup.gravity.tobytes())
         return self._latest(field, key, found)
@@ -227,14 +225,14 @@ class Fitter:
         first column of each sensor's bias."""
         basis, n = self._basis(setup), self._joints
         size = self._inertia_error * inertial_scales(setup.links)
-        rows, links, drives = len(basis.viscous), 10 * (len(size) - 1), 5 * n
+        rows, links, drives = basis.rows, 10 * (len(size) - 1), 5 * n
         own = sum(6 + 10 * setup.sensors[field].tool_alone for field in self._readings.wrenches)
         found = np.zeros((n + 6 * len(self._fields), rows, links + drives + own))
         # The base does not move, so that its inertia is a bias.
         joints = (self._joint_terms(setup)[:, :, 1:] * size[1:]).reshape(rows, n, -1)
         found[:n, :, :links] = (joints * setup.gain[:, None]).transpose(1, 0, 2)
         coulomb, late = basis.reversals()
-        viscous, rotor = (at_delay(x, basis.nodes, setup.torque_delay) for x in (basis.viscous, basis.rotor))
+        viscous, rotor = basis.joints.viscous(setup.torque_delay), basis.joints.rotors(setup.torque_delay)
         frictional = 0.0 if setup.meaning == "external" else 1.0
         for j in range(n):
             scale, first = setup.gain[j] * self._drive_prior[j], links + 5 * j

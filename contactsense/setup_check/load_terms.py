@@ -5,183 +5,203 @@ In the frame of the link in which the sensor rests, the momenta p and L of a bod
     dp/dt = m g - w x p - f,    dL/dt = m c x g - w x L - v x p - m_s,
 
 with the link's own velocities v and w, and the wrench (f, m_s) of the body on the sensor. The momentum
-observer low-passes that wrench without accelerations, as it does the readings.
+observer low-passes that wrench without accelerations, as it does the readings. The base does not move.
 """
 
 from dataclasses import dataclass
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
 from contactsense.calibration.free_motion import FreeMotion
-from contactsense.kinematics.model import build_model, empty_motion
+from contactsense.calibration.recording_residuals import JointMotion, time_step
+from contactsense.kinematics.model import Model, Motion, empty_motion
 from contactsense.kinematics.momenta import kinematics_and_momenta
-from contactsense.residuals.momentum_observer import MomentumObserver, empty_observer, start_step
-from contactsense.robots import Robot
+from contactsense.kinematics.regressor import PARAMETERS, WEIGHTS, body_regressor
+from contactsense.residuals.momentum_observer import (
+    MomentumObserver,
+    advance_all,
+    empty_observer,
+    start_step,
+)
+from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import kernel
-from contactsense.setup_check.instants import Instants, at_delay
+from contactsense.setup_check.instants import BANDWIDTH, Instants, at_delay
+
+_PER_BODY = 6 * PARAMETERS + 3 * 3 * WEIGHTS
+"""Equations of one body."""
 
 
 @dataclass(frozen=True)
 class LoadTerms:
-    """Terms of K bodies, those of a link and of all beyond it, in that link's axes about its origin.
+    """Terms at M instants of K bodies, those of a link and of all beyond it, in that link's axes about its
+    origin; the tool is a part of the last link."""
 
-    They are known at five nodes about each of M instants, so that the delay of a sensor can be changed.
-    """
-
-    gravity: np.ndarray
-    """Wrench of the bodies per gravity component in base axes and inertial parameter, at the nodes about each
-    instant, shape (3, M, 5, 6, K, 10)."""
-    dynamics: np.ndarray
-    """The same for the motion alone, shape (M, 5, 6, K, 10)."""
+    bodies: int
+    """K."""
+    values: np.ndarray
+    """The observer's residuals for each of E equations (see `_fill_equations`), at the five nodes about each
+    instant, shape (M, 5, E): the wrench on the sensor with the opposite sign."""
     nodes: np.ndarray
-    """Times of the nodes after the instant [s], shape (M, 5)."""
+    """Times of the nodes after the instants [s], shape (M, 5)."""
 
     @classmethod
-    def joined(cls, parts: list[Self]) -> Self:
-        """The terms of several recordings."""
+    def of(cls, model: Model, body: int, recordings: list[FreeMotion], instants: list[Instants]) -> Self:
+        """Terms of the motion of recordings without gaps.
+
+        Args:
+            model: Kinematics of the arm.
+            body: Index of the link, the base being 0.
+            recordings: Their motion is used, their readings are not.
+            instants: Of each recording.
+        """
+        pairs = list(zip(recordings, instants, strict=True))
         return cls(
-            np.concatenate([part.gravity for part in parts], axis=1),
-            np.concatenate([part.dynamics for part in parts]),
-            np.concatenate([part.nodes for part in parts]),
+            model.joints + 1 - body,
+            np.concatenate([_observed(model, body, part, at)[at.nodes] for part, at in pairs]),
+            np.concatenate([at.node_times(part.t) for part, at in pairs]),
         )
 
     def at(self, gravity: np.ndarray, delay: float) -> np.ndarray:
         """Wrench per inertial parameter `delay` [s] before each instant, shape (M, 6, K, 10), under `gravity`
         (3,) in base axes [m/s^2]."""
-        axes = [at_delay(axis, self.nodes, delay) for axis in self.gravity]
-        return np.asarray(np.tensordot(gravity, axes, 1) + at_delay(self.dynamics, self.nodes, delay))
+        rows, own = len(self.values), self.bodies * _PER_BODY
+        values = -at_delay(self.values, self.nodes, delay)
+        by_body = values[:, :own].reshape(rows, self.bodies, _PER_BODY)
+        momenta = by_body[..., : 6 * PARAMETERS].reshape(rows, self.bodies, 6, PARAMETERS)
+        found = np.ascontiguousarray(momenta.transpose(0, 2, 1, 3))
+        moments = by_body[..., 6 * PARAMETERS :].reshape(rows, self.bodies, WEIGHTS, 3, 3) @ gravity
+        found[:, 3:, :, :WEIGHTS] += moments.transpose(0, 3, 1, 2)
+        # The force is that of the mass alone, whatever the body.
+        found[:, :3, :, 0] += (values[:, own:].reshape(rows, 3, 3) @ gravity)[:, :, None]
+        return found
 
 
-def load_terms(robot: Robot, part: FreeMotion, at: Instants, body: int, bandwidth: float) -> LoadTerms:
-    """Terms of one link and all beyond it, the tool being a part of the last one.
-
-    Args:
-        robot: The arm.
-        part: Its motion is used, its readings are not. No gaps.
-        at: Which samples are used.
-        body: Index of the link, the base being 0.
-        bandwidth: Cut-off frequency of the observer [Hz].
-    """
-    t = part.t[at.motion]
-    motion = _LinkMotion.of(robot, part.q[at.motion], part.qd[at.motion])
-    v, w = motion.velocity[:, body], motion.turning[:, body]
-    found = []
-    for k in range(body, len(robot.links)):
-        own = _momenta(motion.velocity[:, k], motion.turning[:, k])
-        momentum = motion.moved(own, k, body)
-        p, L = momentum[:, :3], momentum[:, 3:]
-        rate = np.concatenate((_cross(w, p), _cross(w, L) + _cross(v, p)), axis=1)
-        weights = [motion.moved(_weights(motion.rotation[:, k, axis]), k, body) for axis in range(3)]
-        still = np.zeros_like(momentum)
-        momenta = np.stack((still, still, still, momentum), axis=1)
-        drifts = np.stack((*weights, -rate), axis=1)
-        found.append(-_low_passed(t, momenta, drifts, bandwidth)[at.keep][at.nodes])
-    # Rows, nodes, terms, components, parameters of each body.
-    terms = np.stack(found, axis=-2).transpose(2, 0, 1, 3, 4, 5)
-    return LoadTerms(terms[:3], terms[3], at.node_times(part.t))
+def _observed(model: Model, body: int, part: FreeMotion, at: Instants) -> np.ndarray:
+    """The observer's residuals at all nodes of one recording, shape (N, E)."""
+    n, t = model.joints, part.t[at.motion]
+    equations = (n + 1 - body) * _PER_BODY + 9
+    start, _, stride = at.keep.indices(len(t))
+    out = np.empty((len(range(start, len(t), stride)), equations))
+    relative = _RelativeMotion(np.empty((3, 3)), np.empty(3), np.empty(6))
+    _observe(
+        model, body, JointMotion(t, part.q[at.motion], part.qd[at.motion]), BANDWIDTH, np.zeros(3),
+        empty_motion(n), empty_observer(equations), relative, np.empty((6, PARAMETERS)), np.empty(3),
+        np.zeros(equations), np.zeros(equations), start, stride, out,
+    )  # fmt: skip
+    return out
 
 
-@dataclass(frozen=True)
-class _LinkMotion:
-    """Motion of L links at N instants, velocities in each link's own axes."""
+class _RelativeMotion(NamedTuple):
+    """Motion of a body as the kernel needs it, in axes of the link in which the sensor rests, about its
+    origin. Scratch."""
 
     rotation: np.ndarray
-    """Link axes to base axes, shape (N, L, 3, 3)."""
+    """From the body's axes, (3, 3)."""
     origin: np.ndarray
-    """In the base frame, shape (N, L, 3) [m]."""
-    velocity: np.ndarray
-    """Of the link's origin, shape (N, L, 3) [m/s]."""
-    turning: np.ndarray
-    """Angular velocity, shape (N, L, 3) [rad/s]."""
-
-    @classmethod
-    def of(cls, robot: Robot, q: np.ndarray, qd: np.ndarray) -> Self:
-        """Motion of an arm with n joints; `q`, `qd`: shape (N, n) [rad, rad/s]."""
-        model, motion, gravity = build_model(robot), empty_motion(len(robot.joints)), np.zeros(3)
-        shape = (len(q), len(robot.links))
-        rotation, origin, twist = np.empty((*shape, 3, 3)), np.empty((*shape, 3)), np.empty((*shape, 6))
-        for i, (position, speed) in enumerate(zip(q, qd, strict=True)):
-            kinematics_and_momenta(model, position, speed, gravity, motion)
-            rotation[i], origin[i], twist[i] = motion.rotation, motion.origin, motion.twist
-        at_origin = twist[..., :3] + np.cross(twist[..., 3:], origin)
-        own = (np.einsum("nli,nlij->nlj", vector, rotation) for vector in (at_origin, twist[..., 3:]))
-        return cls(rotation, origin, *own)
-
-    def moved(self, wrench: np.ndarray, link: int, body: int) -> np.ndarray:
-        """Wrenches or momenta, shape (N, 6, k), from the axes and origin of `link` to those of `body`."""
-        back = self.rotation[:, body].swapaxes(1, 2)
-        turn = back @ self.rotation[:, link]
-        place = np.einsum("nij,nj->ni", back, self.origin[:, link] - self.origin[:, body])
-        force, moment = turn @ wrench[:, :3], turn @ wrench[:, 3:]
-        return np.concatenate((force, moment + _cross(place, force)), axis=1)
-
-
-def _cross(a: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """Cross product of vectors, shape (N, 3), with the columns of matrices, shape (N, 3, k)."""
-    return np.asarray(np.cross(a[:, :, None], columns, axis=1))
-
-
-def _momenta(v: np.ndarray, w: np.ndarray) -> np.ndarray:
-    """Momenta per inertial parameter, shape (N, 6, 10), for velocities of shape (N, 3), all in body axes."""
-    axes = np.broadcast_to(np.eye(3), (len(v), 3, 3))
-    momentum = np.zeros((len(v), 6, 10))
-    momentum[:, :3, 0] = v
-    momentum[:, :3, 1:4] = _cross(w, axes)
-    momentum[:, 3:, 1:4] = -_cross(v, axes)
-    column = 4
-    for k in range(3):
-        for i in range(k + 1):
-            momentum[:, 3 + i, column] = w[:, k]
-            momentum[:, 3 + k, column] = w[:, i]
-            column += 1
-    return momentum
-
-
-def _weights(down: np.ndarray) -> np.ndarray:
-    """Wrenches of a unit gravity per inertial parameter, shape (N, 6, 10); `down`: its direction in body
-    axes, shape (N, 3)."""
-    weight = np.zeros((len(down), 6, 10))
-    weight[:, :3, 0] = down
-    weight[:, 3:, 1:4] = -_cross(down, np.broadcast_to(np.eye(3), (len(down), 3, 3)))
-    return weight
-
-
-def _low_passed(t: np.ndarray, momentum: np.ndarray, drift: np.ndarray, bandwidth: float) -> np.ndarray:
-    """Residuals of the momentum observer (`contactsense.residuals.momentum_observer`) at every sample, for
-    arrays of equations of shape (N, ...)."""
-    residual = np.empty_like(momentum)
-    flat = (len(t), -1)
-    _observe(
-        np.diff(t, prepend=t[0]),
-        momentum.reshape(flat),
-        drift.reshape(flat),
-        residual.reshape(flat),
-        bandwidth,
-        empty_observer(0),
-    )
-    return residual
+    """Of the body, (3,) [m]."""
+    twist: np.ndarray
+    """Velocity at the link's origin [m/s] and angular velocity [rad/s], both relative to the base, (6,)."""
 
 
 @kernel
 def _observe(
-    dt: np.ndarray,
+    model: Model,
+    body: int,
+    joints: JointMotion,
+    bandwidth: float,
+    weightless: np.ndarray,
+    motion: Motion,
+    state: MomentumObserver,
+    relative: _RelativeMotion,
+    H: np.ndarray,
+    scratch: np.ndarray,
     momentum: np.ndarray,
     drift: np.ndarray,
-    residual: np.ndarray,
-    bandwidth: float,
-    steps: MomentumObserver,
+    start: int,
+    stride: int,
+    out: np.ndarray,
 ) -> None:
-    """Fill `residual`, shape (N, k) as `momentum` and `drift`; `dt`: time since the sample before [s], 0 for
-    the first, shape (N,)."""
-    for i in range(dt.shape[0]):
-        a, b0, b1, b2, b3, K = start_step(steps, dt[i], bandwidth)
-        weights = (b0, b1, b2, b3)
-        for c in range(momentum.shape[1]):
+    """Fill `out`, shape (N, E), with every `stride`-th sample from `start` on.
+
+    `weightless`: zero, (3,); `momentum`, `drift`: zero, (E,); `motion`, `relative`, `H`, `scratch`:
+    overwritten.
+    """
+    row = 0
+    for i in range(joints.t.shape[0]):
+        step = start_step(state, time_step(joints.t, i), bandwidth)
+        kinematics_and_momenta(model, joints.q[i], joints.qd[i], weightless, motion)
+        _fill_equations(motion, body, relative, H, scratch, momentum, drift)
+        advance_all(state, momentum, drift, step)
+        if i >= start and (i - start) % stride == 0:
+            copy(state.residual, out[row])
+            row += 1
+
+
+@kernel
+def _fill_equations(
+    motion: Motion,
+    body: int,
+    relative: _RelativeMotion,
+    H: np.ndarray,
+    scratch: np.ndarray,
+    momentum: np.ndarray,
+    drift: np.ndarray,
+) -> None:
+    """Momentum and drift of each equation at one sample, shape (E,), in this order:
+
+    - of each body: momentum by component and inertial parameter, then the moment of the weight by parameter,
+      component and direction of gravity;
+    - the force of a mass of one, by component and direction of gravity.
+    """
+    base, R, o, twist = motion.rotation[body], relative.rotation, relative.origin, relative.twist
+    e = 0
+    for k in range(body, motion.rotation.shape[0]):
+        _place(motion, body, k, relative)
+        body_regressor(R, o, twist, H, scratch)
+        if k == body:
+            vx, vy, vz = twist[0], twist[1], twist[2]
+            wx, wy, wz = twist[3], twist[4], twist[5]
+        for c in range(PARAMETERS):
+            px, py, pz, Lx, Ly, Lz = H[0, c], H[1, c], H[2, c], H[3, c], H[4, c], H[5, c]
+            for r in range(6):
+                momentum[e + r * PARAMETERS + c] = H[r, c]
+            drift[e + c] = wz * py - wy * pz
+            drift[e + PARAMETERS + c] = wx * pz - wz * px
+            drift[e + 2 * PARAMETERS + c] = wy * px - wx * py
+            drift[e + 3 * PARAMETERS + c] = wz * Ly - wy * Lz + vz * py - vy * pz
+            drift[e + 4 * PARAMETERS + c] = wx * Lz - wz * Lx + vx * pz - vz * px
+            drift[e + 5 * PARAMETERS + c] = wy * Lx - wx * Ly + vy * px - vx * py
+        e += 6 * PARAMETERS
+        for i in range(WEIGHTS):
             if i == 0:
-                residual[0, c] = 0.0
-                continue
-            value = a * residual[i - 1, c] + K * (momentum[i, c] - a * momentum[i - 1, c])
-            for k in range(min(i + 1, 4)):
-                value -= weights[k] * (K * momentum[i - k, c] + drift[i - k, c])
-            residual[i, c] = value
+                ax, ay, az = o[0], o[1], o[2]
+            else:
+                ax, ay, az = R[0, i - 1], R[1, i - 1], R[2, i - 1]
+            for axis in range(3):
+                gx, gy, gz = base[axis, 0], base[axis, 1], base[axis, 2]
+                drift[e + axis] = ay * gz - az * gy
+                drift[e + 3 + axis] = az * gx - ax * gz
+                drift[e + 6 + axis] = ax * gy - ay * gx
+            e += 9
+    for r in range(3):
+        for axis in range(3):
+            drift[e + 3 * r + axis] = base[axis, r]
+
+
+@kernel
+def _place(motion: Motion, body: int, k: int, relative: _RelativeMotion) -> None:
+    """Fill `relative` with the motion of link k."""
+    base, origin = motion.rotation[body], motion.origin[body]
+    turned, twist = motion.rotation[k], motion.twist[k]
+    ox, oy, oz = origin[0], origin[1], origin[2]
+    wx, wy, wz = twist[3], twist[4], twist[5]
+    vx, vy, vz = twist[0] + wy * oz - wz * oy, twist[1] + wz * ox - wx * oz, twist[2] + wx * oy - wy * ox
+    dx, dy, dz = motion.origin[k, 0] - ox, motion.origin[k, 1] - oy, motion.origin[k, 2] - oz
+    for r in range(3):
+        ex, ey, ez = base[0, r], base[1, r], base[2, r]
+        relative.origin[r] = ex * dx + ey * dy + ez * dz
+        relative.twist[r] = ex * vx + ey * vy + ez * vz
+        relative.twist[3 + r] = ex * wx + ey * wy + ez * wz
+        for c in range(3):
+            relative.rotation[r, c] = ex * turned[0, c] + ey * turned[1, c] + ez * turned[2, c]

@@ -14,97 +14,61 @@ import numpy as np
 from contactsense.calibration.calibration_model import CalibrationModel
 from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.recording_residuals import residuals
-from contactsense.calibration.residual_jacobian import inertial_columns
+from contactsense.kinematics.model import Model
 from contactsense.residuals.momentum_observer import noise_variance_ratio
-from contactsense.robots import Robot
 from contactsense.scene import JointTorqueSensor, Scene, WrenchSensor
-from contactsense.setup_check.instants import BANDWIDTH, Instants, at_delay, instants
+from contactsense.scene_model.arm_model import model_with_tool
+from contactsense.setup_check.instants import BANDWIDTH, Instants, instants
+from contactsense.setup_check.joint_terms import JointTerms
 from contactsense.setup_check.lines import wrench_fields
-from contactsense.setup_check.load_terms import LoadTerms, load_terms
+from contactsense.setup_check.load_terms import LoadTerms
 from contactsense.setup_check.setup import Order, in_order
 
 
-class Loads:
-    """Terms of what the force/torque sensors carry, for one arm; worked out when needed."""
-
-    def __init__(self, robot: Robot, recordings: list[FreeMotion], base: LoadTerms) -> None:
-        """`recordings`: without gaps; `base`: the terms of the whole arm on its base."""
-        self._robot, self._recordings = robot, recordings
-        self._known = {0: base}
-
-    def of(self, body: int) -> LoadTerms:
-        """Terms of a link and all beyond it; `body`: its index, the base being 0."""
-        if body not in self._known:
-            pairs = zip(self._recordings, instants(self._recordings), strict=True)
-            parts = [load_terms(self._robot, part, at, body, BANDWIDTH) for part, at in pairs]
-            self._known[body] = LoadTerms.joined(parts)
-        return self._known[body]
-
-
-@dataclass(frozen=True)
 class MotionBasis:
-    """Filtered terms at M instants of one or more recordings, for one arm with n joints and L links."""
+    """Terms of a motion at M instants, for one arm with n joints and L links; worked out when needed."""
 
-    joint_gravity: np.ndarray
-    """Joint torques per gravity component and inertial parameter, at the five nodes about each instant, shape
-    (3, M, 5, n, L, 10)."""
-    joint_dynamics: np.ndarray
-    """The same for the motion alone, shape (M, 5, n, L, 10)."""
-    rotor: np.ndarray
-    """Joint accelerations at the nodes [rad/s^2], shape (M, 5, n)."""
-    coulomb: np.ndarray
-    """Smooth signs of the joint velocities, shape (M, 5, n)."""
-    viscous: np.ndarray
-    """Joint velocities [rad/s], shape (M, 5, n)."""
-    loads: Loads
-    """Terms of the force/torque sensors."""
-
-    @classmethod
-    def of(cls, scene: Scene, recordings: list[FreeMotion]) -> Self:
-        """Terms of the scene's arm for a motion; the readings are not used."""
-        parts = [_terms(scene, part, at) for part, at in zip(recordings, instants(recordings), strict=True)]
-        joint_gravity, joint_dynamics, base, rotor, coulomb, viscous = zip(*parts, strict=True)
-        return cls(
-            np.concatenate(joint_gravity, axis=1),
-            np.concatenate(joint_dynamics),
-            np.concatenate(rotor),
-            np.concatenate(coulomb),
-            np.concatenate(viscous),
-            Loads(scene.robot, recordings, LoadTerms.joined(list(base))),
-        )
+    def __init__(
+        self, model: Model, velocity: float, recordings: list[FreeMotion], places: list[Instants]
+    ) -> None:
+        """See `contactsense.setup_check.joint_terms.JointTerms.of`."""
+        self._model, self._recordings, self._instants = model, recordings, places
+        self.joints = JointTerms.of(model, velocity, recordings, places)
+        self._loads: dict[int, LoadTerms] = {}
 
     @property
-    def nodes(self) -> np.ndarray:
-        """Times of the nodes after the instants [s], shape (M, 5)."""
-        return self.loads.of(0).nodes
+    def rows(self) -> int:
+        """M."""
+        return len(self.joints.values)
 
-    def joints(self, gravity: np.ndarray, with_gravity: bool, with_inertia: bool, delay: float) -> np.ndarray:
-        """Torques per inertial parameter, shape (M, n, L, 10), `delay` [s] before each instant, under
-        `gravity` (3,) in base axes [m/s^2]."""
-        dynamics = at_delay(self.joint_dynamics, self.nodes, delay)
-        terms = np.zeros_like(dynamics)
-        if with_gravity:
-            terms += np.tensordot(
-                gravity, [at_delay(axis, self.nodes, delay) for axis in self.joint_gravity], 1
-            )
-        return terms + dynamics if with_inertia else terms
+    @property
+    def size(self) -> int:
+        """Bytes that it takes."""
+        return self.joints.values.nbytes + sum(terms.values.nbytes for terms in self._loads.values())
+
+    def loads(self, body: int) -> LoadTerms:
+        """Terms of a link and all beyond it; `body`: its index, the base being 0."""
+        if body not in self._loads:
+            self._loads[body] = LoadTerms.of(self._model, body, self._recordings, self._instants)
+        return self._loads[body]
 
     def reversals(self) -> tuple[np.ndarray, np.ndarray]:
-        """`coulomb` at the instants and `_LATE_REVERSAL` before them, shape (M, n) each.
+        """Smooth signs of the joint velocities at the instants and `_LATE_REVERSAL` before them, shape (M, n)
+        each.
 
         Friction reverses later than the velocity, after a small displacement (B. Armstrong-Helouvry, P.
         Dupont, C. Canudas de Wit, "A survey of models, analysis tools and compensation methods for the
         control of machines with friction", Automatica 1994). So the friction of every setup may reverse
         late, and only weight and inertia tell the delay of the torques.
         """
-        late = at_delay(self.coulomb, self.nodes, _LATE_REVERSAL)
-        return at_delay(self.coulomb, self.nodes, 0.0), late
+        return self.joints.coulomb(0.0), self.joints.coulomb(_LATE_REVERSAL)
 
 
 _LATE_REVERSAL = 0.1
 """By how much friction may reverse later than the velocity [s]."""
-_LATEST = 4
-"""Terms that are kept where joints have other zeros: a fit returns to the latest, and then moves on."""
+_MEMORY = 200_000_000
+"""Bytes for terms where joints have other zeros: fits of many hypotheses begin at the same zeros, and move on
+from there."""
 _Motion = tuple[str, float, Order, tuple[float, ...]]
 
 
@@ -114,22 +78,38 @@ class MotionBases:
 
     def __init__(self, scenes: Mapping[str, Scene], recordings: list[FreeMotion]) -> None:
         """`scenes`: by name of the arm."""
-        self._scenes, self._recordings = scenes, recordings
+        self._recordings, self._instants = recordings, instants(recordings)
+        self._models = {name: model_with_tool(scene) for name, scene in scenes.items()}
+        self._velocities = {
+            name: (scene.joint_torque or JointTorqueSensor()).friction.velocity
+            for name, scene in scenes.items()
+        }
         self._known: dict[_Motion, MotionBasis] = {}
 
     def of(self, robot: str, unit: float, order: Order, zero: tuple[float, ...]) -> MotionBasis:
         """Terms for that arm, if joint positions are in `unit` [rad] and in this order, and `zero` [rad] is
         added to them."""
         motion = robot, unit, order, zero
-        if motion not in self._known:
+        found = self._known.pop(motion, None)
+        if found is None:
             moved = [
                 replace(part, q=unit * in_order(part.q, order) + zero, qd=unit * in_order(part.qd, order))
                 for part in self._recordings
             ]
-            self._known[motion] = MotionBasis.of(self._scenes[robot], moved)
-            for old in [known for known in self._known if any(known[3])][:-_LATEST]:
-                del self._known[old]
-        return self._known[motion]
+            found = MotionBasis(self._models[robot], self._velocities[robot], moved, self._instants)
+            self._forget(found.size)
+        # The least recently used are the first.
+        self._known[motion] = found
+        return found
+
+    def _forget(self, size: int) -> None:
+        """Make room for so many bytes."""
+        shifted = [motion for motion in self._known if any(motion[3])]
+        taken = size + sum(self._known[motion].size for motion in shifted)
+        for motion in shifted:
+            if taken <= _MEMORY:
+                break
+            taken -= self._known.pop(motion).size
 
 
 @dataclass(frozen=True)
@@ -181,28 +161,3 @@ def _massless(scene: Scene) -> CalibrationModel:
     )
     arm = CalibrationModel.of(plain)
     return arm.with_values(links=np.zeros_like(arm.links), rotor=np.zeros_like(arm.rotor))
-
-
-def _terms(
-    scene: Scene, part: FreeMotion, at: Instants
-) -> tuple[np.ndarray, np.ndarray, LoadTerms, np.ndarray, np.ndarray, np.ndarray]:
-    """Terms of the joints, of the base sensor, and of rotors and friction."""
-    n = part.q.shape[1]
-    arm, times = _massless(scene), at.node_times(part.t)
-    part = FreeMotion(part.t[at.motion], part.q[at.motion], part.qd[at.motion])
-
-    def columns(gravity: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        found = inertial_columns(arm, part, gravity, BANDWIDTH, at.keep)
-        # The observer's residual is model minus measurement for joints, the reverse for the base.
-        return found[at.nodes, :n], -found[at.nodes, n:]
-
-    joints, base = columns(np.zeros(3))
-    by_axis = [columns(axis) for axis in np.eye(3)]
-    still = replace(part, torque=np.zeros_like(part.q))
-    ones = np.ones(n)
-    rotor, coulomb, viscous = (
-        residuals(arm.with_values(**{name: ones}), still, BANDWIDTH)[at.keep][at.nodes, :n]
-        for name in ("rotor", "coulomb", "viscous")
-    )
-    loads = LoadTerms(np.array([axis[1] - base for axis in by_axis]), base, times)
-    return np.array([axis[0] - joints for axis in by_axis]), joints, loads, rotor, coulomb, viscous

@@ -8,16 +8,19 @@ import pytest
 from contactsense.benchmarks.calibration.link_sensor_draws import ELBOW, LINK_MISTAKES, WRIST
 from contactsense.benchmarks.calibration.setup_draws import Settings, right_setup, wrong_setup
 from contactsense.calibration import FreeMotion
+from contactsense.calibration.calibration_model import CalibrationModel
+from contactsense.calibration.residual_jacobian import inertial_columns
+from contactsense.kinematics.model import build_model
 from contactsense.robots import Robot
 from contactsense.scene import LinkWrenchSensor
 from contactsense.setup_check import CheckError, check, lines
 from contactsense.setup_check.fit import Fitter
 from contactsense.setup_check.instants import BANDWIDTH, instants
 from contactsense.setup_check.lines import sensor_lines
-from contactsense.setup_check.load_terms import load_terms
-from contactsense.setup_check.motion_basis import MotionBases, MotionBasis, Readings
+from contactsense.setup_check.load_terms import LoadTerms
+from contactsense.setup_check.motion_basis import MotionBases, Readings
 from contactsense.setup_check.sensor_findings import saturated_sensors
-from contactsense.setup_check.setup import Setup
+from contactsense.setup_check.setup import Setup, plain_order
 from tests.contactsense.link_sensors.truth import FOREARM, Oracle
 
 DRAWN = Settings(seconds=8.0)
@@ -47,8 +50,8 @@ def test_gravity_alone_is_the_weight_of_what_is_carried() -> None:
     oracle, robot = Oracle(), right_setup("ur5e", 1, DRAWN).scene.robot
     q = np.array([0.3, -1.3, 1.5, -1.0, 0.8, 0.4])
     still = FreeMotion(0.01 * np.arange(600), np.tile(q, (600, 1)), np.zeros((600, 6)))
-    terms = load_terms(robot, still, instants([still])[0], FOREARM, BANDWIDTH)
-    np.testing.assert_allclose(terms.dynamics[-1], 0.0, atol=1e-12)
+    terms = LoadTerms.of(build_model(robot), FOREARM, [still], instants([still]))
+    np.testing.assert_allclose(terms.at(np.zeros(3), 0.0)[-1], 0.0, atol=1e-12)
     found = np.einsum("ckp,kp->c", terms.at(np.array([0.0, 0.0, -9.81]), 0.0)[-1], _inertia(robot, FOREARM))
     rotation, place = oracle.pose(q, FOREARM)
     exact = oracle.at(q, np.zeros(6), np.zeros(6)).forearm
@@ -56,15 +59,18 @@ def test_gravity_alone_is_the_weight_of_what_is_carried() -> None:
     np.testing.assert_allclose(found, np.concatenate((rotation.T @ force, rotation.T @ moment)), atol=1e-8)
 
 
-def test_the_base_is_a_sensor_below_the_first_link() -> None:
-    """Its terms come from the kernels of the observer, those of other sensors from the links' motion."""
+@pytest.mark.parametrize("node", range(5))
+def test_the_base_is_a_sensor_below_the_first_link(node: int) -> None:
+    """Its terms and those of the joints are those of calibration, at every node."""
     case = right_setup("ur5e", 1, replace(DRAWN, seconds=5.0))
+    arm, gravity = CalibrationModel.of(case.scene), np.array([1.0, -3.0, -9.0])
     (at,) = instants([case.recording])
-    known = MotionBasis.of(case.scene, [case.recording]).loads.of(0)
-    found = load_terms(case.scene.robot, case.recording, at, 0, BANDWIDTH)
-    np.testing.assert_allclose(found.gravity, known.gravity, atol=1e-9)
-    np.testing.assert_allclose(found.dynamics, known.dynamics, atol=1e-9)
-    np.testing.assert_array_equal(found.nodes, known.nodes)
+    exact = inertial_columns(arm, case.recording.part(at.motion), gravity, BANDWIDTH, at.keep)
+    joint, base = np.split(exact[at.nodes[:, node]], [len(arm.gain)], axis=1)
+    basis = MotionBases({"ur5e": case.scene}, [case.recording]).of("ur5e", 1.0, plain_order(6), (0.0,) * 6)
+    delay = -float(basis.joints.nodes[0, node])
+    np.testing.assert_allclose(basis.loads(0).at(gravity, delay), -base, atol=1e-9)
+    np.testing.assert_allclose(basis.joints.torques(gravity, True, delay), joint, atol=1e-9)
 
 
 def _inertia(robot: Robot, first: int) -> np.ndarray:
