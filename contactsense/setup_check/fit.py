@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import cho_factor, cho_solve
 
 from contactsense.calibration.parameters import inertial_scales
 from contactsense.scene import JointTorqueSensor, Scene
@@ -141,7 +142,7 @@ class Fitter:
         prior = np.repeat([_PRIOR[group.kind] for group in free], [group.size for group in free])
         slopes = self._slopes(start, free, prior) if free else np.zeros((0, 0, 0))
         solved = self._solve(start, slopes, prior)
-        std = np.sqrt(np.diag(np.linalg.inv(solved.precision)))[: len(prior)] * prior
+        std = solved.spread[: len(prior)] * prior
         return self._cost(solved.variance, solved.penalty, free, std, len(solved.residual))
 
     def _cost(
@@ -280,12 +281,14 @@ class Fitter:
         biases = np.array([k + first + i for first in firsts.values() for i in range(6)], dtype=np.int64)
         variance = np.maximum(y.var(axis=1), floor)
         values, precision = np.zeros(A.shape[2]), np.ones(A.shape[2])
-        H, residual = np.diag(precision), y
+        diagonal, residual = np.diag_indices(len(values)), y
         for _ in range(_WEIGHTINGS):
             precision[biases] = 2.0 / (1.0 + values[biases] ** 2)
-            H = np.tensordot(weight / variance, G, 1) + np.diag(precision)
-            values = np.linalg.solve(H, (weight / variance) @ b)
-            residual = y - A @ values
+            H = ((weight / variance) @ G.reshape(len(G), -1)).reshape(G.shape[1:])
+            H[diagonal] += precision
+            factor = cho_factor(H, check_finite=False)
+            values = cho_solve(factor, (weight / variance) @ b, check_finite=False)
+            residual = y - (A.reshape(-1, len(values)) @ values).reshape(y.shape)
             variance = np.maximum(np.mean(residual**2, axis=1), floor)
         full = np.full(error.shape, np.nan)
         full[:, self._channels] = residual.T
@@ -295,7 +298,7 @@ class Fitter:
         scaled = values.copy()
         scaled[:k] *= prior[:k]
         firsts = {field: k + first for field, first in firsts.items()}
-        return _Solved(cost, penalty, variance, scaled, H, full, firsts)
+        return _Solved(cost, penalty, variance, scaled, factor, full, firsts)
 
     def _result(
         self,
@@ -306,7 +309,7 @@ class Fitter:
         at: "_Solved | None" = None,
     ) -> Fit:
         at = at or solved
-        spread = np.sqrt(np.diag(np.linalg.inv(solved.precision)))
+        spread = solved.spread
         bias = {}
         for field, first in solved.biases.items():
             order = setup.sensors[field].order * _bias_scale(field)
@@ -340,11 +343,17 @@ class _Solved:
     variance: np.ndarray
     values: np.ndarray
     """Free parameters, then nuisances in units of their priors."""
-    precision: np.ndarray
-    """Of the same, both in units of their priors."""
+    factor: tuple[np.ndarray, bool]
+    """Of their precision, in units of their priors (`scipy.linalg.cho_factor`)."""
     residual: np.ndarray
     biases: Mapping[str, int]
     """First of the six values of each force/torque sensor's bias."""
+
+    @property
+    def spread(self) -> np.ndarray:
+        """Standard deviations of the values, in units of their priors."""
+        covariance = cho_solve(self.factor, np.eye(len(self.values)), check_finite=False)
+        return np.asarray(np.sqrt(np.diag(covariance)))
 
 
 def _motion(setup: Setup) -> tuple[str, float, Order, tuple[float, ...]]:
@@ -365,7 +374,7 @@ def _bordered(
 
 def _products(A: np.ndarray, y: np.ndarray) -> np.ndarray:
     """A^T y of each channel: shapes (C, M, P) and (C, M), to (C, P)."""
-    return np.asarray(np.einsum("cmp,cm->cp", A, y))
+    return np.asarray((y[:, None, :] @ A)[:, 0])
 
 
 def _bias_scale(field: str) -> np.ndarray:

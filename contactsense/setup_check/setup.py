@@ -251,7 +251,8 @@ class Setup:
         rotation, place = sensor.rotation, sensor.translation
         if sensor.tool_alone:
             rotation, place = self.flange[0] @ rotation, self.flange[0] @ place + self.flange[1]
-        return sensor.sign * sensor.order @ np.linalg.inv(wrench_transform(rotation, place))
+        back = rotation.T
+        return np.asarray(sensor.sign * sensor.order @ wrench_transform(back, -back @ place))
 
     def with_sensor(self, field: str, **changes: Any) -> Self:
         """A copy in which one sensor differs."""
