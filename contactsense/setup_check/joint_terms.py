@@ -164,19 +164,19 @@ def _fill_equations(
         body_regressor(R, o, motion.twist[k], H, scratch)
         for j in range(k):
             s, rate = motion.screw[j], motion.screw_rate[j]
+            sx, sy, sz, zx, zy, zz = s[0], s[1], s[2], s[3], s[4], s[5]
             for c in range(PARAMETERS):
-                momentum[e + c] = 0.0
-                drift[e + c] = 0.0
-            for i in range(6):
-                for c in range(PARAMETERS):
-                    momentum[e + c] += s[i] * H[i, c]
-                    drift[e + c] += rate[i] * H[i, c]
+                momentum[e + c] = zx * H[3, c] + zy * H[4, c] + zz * H[5, c]
+                drift[e + c] = rate[3] * H[3, c] + rate[4] * H[4, c] + rate[5] * H[5, c]
+            # Second moments have no linear momentum.
+            for c in range(WEIGHTS):
+                momentum[e + c] += sx * H[0, c] + sy * H[1, c] + sz * H[2, c]
+                drift[e + c] += rate[0] * H[0, c] + rate[1] * H[1, c] + rate[2] * H[2, c]
             e += PARAMETERS
-            zx, zy, zz = s[3], s[4], s[5]
             # With the force g at the point p, s . (g, p x g) = (s_linear + z x p) . g.
-            drift[e] = s[0] + zy * o[2] - zz * o[1]
-            drift[e + 1] = s[1] + zz * o[0] - zx * o[2]
-            drift[e + 2] = s[2] + zx * o[1] - zy * o[0]
+            drift[e] = sx + zy * o[2] - zz * o[1]
+            drift[e + 1] = sy + zz * o[0] - zx * o[2]
+            drift[e + 2] = sz + zx * o[1] - zy * o[0]
             for i in range(3):
                 drift[e + 3 + 3 * i] = zy * R[2, i] - zz * R[1, i]
                 drift[e + 4 + 3 * i] = zz * R[0, i] - zx * R[2, i]
