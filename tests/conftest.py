@@ -35,6 +35,7 @@ WITHOUT = (
     "robots",
     "contactsense/solvers",
     "contactsense/calibration",
+    "contactsense/setup_check",
     "golden",
     "kinematics",
     "service/mock",

@@ -186,6 +186,7 @@ def test_sensors_within_the_arm_are_calibrated_and_written(tmp_path: Path) -> No
     assert said["equations"][12:19:6] == ["link_wrenches.elbow force x", "wrist_wrench force x"]
 
 
+@pytest.mark.slow
 def test_a_result_that_cannot_be_is_not_recommended(folder: Path, tmp_path: Path) -> None:
     """Torques in Ncm, and the scene of another arm: both were recommended."""
     for name, robot, field in (

@@ -24,7 +24,11 @@ def _checked(degrees: tuple[float, ...]) -> SetupCheck:
 
 @pytest.mark.parametrize(
     ("joint", "name", "degrees"),
-    [(1, "shoulder_lift_joint", 4.0), (2, "elbow_joint", -8.0), (4, "wrist_2_joint", 12.0)],
+    [
+        pytest.param(1, "shoulder_lift_joint", 4.0, marks=pytest.mark.slow),
+        pytest.param(2, "elbow_joint", -8.0, marks=pytest.mark.slow),
+        (4, "wrist_2_joint", 12.0),
+    ],
 )
 def test_a_joint_with_another_zero_is_named_with_the_angle(joint: int, name: str, degrees: float) -> None:
     (item,) = _checked(tuple(degrees * np.eye(6)[joint])).wrong

@@ -18,7 +18,7 @@ from contactsense.setup_check.setup import BASE, Setup
 DRAWN = Settings(seconds=12.0)
 
 
-@pytest.mark.parametrize("seed", [20_000, 20_005])
+@pytest.mark.parametrize("seed", [pytest.param(20_000, marks=pytest.mark.slow), 20_005])
 def test_another_arm_and_a_missing_tool_are_no_scale_of_the_torques(seed: int) -> None:
     """Line by line, a scale of the torques or a third arm explains most, and the search stayed with it."""
     case, lines = two_wrong_lines("ur5e", seed, Settings(), torques_alone=True, kinds=ARM_AND_TOOL)
