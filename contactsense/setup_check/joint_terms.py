@@ -13,18 +13,14 @@ import numpy as np
 
 from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.recording_residuals import JointMotion, time_step
-from contactsense.kinematics.model import Model, Motion, empty_motion
+from contactsense.kinematics.model import Model
 from contactsense.kinematics.momenta import kinematics_and_momenta
 from contactsense.kinematics.regressor import PARAMETERS, WEIGHTS, body_regressor
-from contactsense.residuals.momentum_observer import (
-    MomentumObserver,
-    advance_all,
-    empty_observer,
-    start_step,
-)
+from contactsense.residuals.momentum_observer import advance_all, start_step
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import kernel
 from contactsense.setup_check.instants import BANDWIDTH, Instants, at_delay
+from contactsense.setup_check.observed_motion import Equations, Kept, at_nodes, node_times
 
 _PER_PAIR = PARAMETERS + 3 * WEIGHTS
 """Equations of a joint and a link beyond it."""
@@ -37,7 +33,7 @@ class JointTerms:
     joints: int
     """n."""
     values: np.ndarray
-    """The observer's residuals for each of E equations (see `_fill_equations`), at the five nodes about each
+    """The observer's residuals for each of E equations (see `_fill`), at the five nodes about each
     instant, shape (M, 5, E)."""
     nodes: np.ndarray
     """Times of the nodes after the instants [s], shape (M, 5)."""
@@ -54,12 +50,13 @@ class JointTerms:
             recordings: Their motion is used, their readings are not.
             instants: Of each recording.
         """
-        pairs = list(zip(recordings, instants, strict=True))
-        return cls(
-            model.joints,
-            np.concatenate([_observed(model, velocity, part, at)[at.nodes] for part, at in pairs]),
-            np.concatenate([at.node_times(part.t) for part, at in pairs]),
-        )
+        n = model.joints
+
+        def observe(joints: JointMotion, equations: Equations, kept: Kept) -> None:
+            _observe(model, joints, velocity, BANDWIDTH, equations, kept)
+
+        size = n * (n + 1) // 2 * _PER_PAIR + 3 * n
+        return cls(n, at_nodes(n, size, recordings, instants, observe), node_times(recordings, instants))
 
     def torques(self, gravity: np.ndarray, with_inertia: bool, delay: float) -> np.ndarray:
         """Joint torques per inertial parameter of each link, shape (M, n, L, 10).
@@ -95,73 +92,34 @@ class JointTerms:
         return at_delay(self.values[:, :, equations], self.nodes, delay)
 
 
-def _observed(model: Model, velocity: float, part: FreeMotion, at: Instants) -> np.ndarray:
-    """The observer's residuals at all nodes of one recording, shape (N, E)."""
-    n, t = model.joints, part.t[at.motion]
-    equations = n * (n + 1) // 2 * _PER_PAIR + 3 * n
-    start, _, stride = at.keep.indices(len(t))
-    out = np.empty((len(range(start, len(t), stride)), equations))
-    _observe(
-        model, JointMotion(t, part.q[at.motion], part.qd[at.motion]), velocity, BANDWIDTH, np.zeros(3),
-        empty_motion(n), empty_observer(equations), np.empty((6, PARAMETERS)), np.empty(3),
-        np.zeros(equations), np.zeros(equations), start, stride, out,
-    )  # fmt: skip
-    return out
-
-
 @kernel
 def _observe(
-    model: Model,
-    joints: JointMotion,
-    velocity: float,
-    bandwidth: float,
-    weightless: np.ndarray,
-    motion: Motion,
-    state: MomentumObserver,
-    H: np.ndarray,
-    scratch: np.ndarray,
-    momentum: np.ndarray,
-    drift: np.ndarray,
-    start: int,
-    stride: int,
-    out: np.ndarray,
+    model: Model, joints: JointMotion, velocity: float, bandwidth: float, equations: Equations, kept: Kept
 ) -> None:
-    """Fill `out`, shape (N, E), with every `stride`-th sample from `start` on.
-
-    `weightless`: zero, (3,); `momentum`, `drift`: zero, (E,); `motion`, `H`, `scratch`: overwritten.
-    """
     row = 0
     for i in range(joints.t.shape[0]):
-        step = start_step(state, time_step(joints.t, i), bandwidth)
-        kinematics_and_momenta(model, joints.q[i], joints.qd[i], weightless, motion)
-        _fill_equations(motion, joints.qd[i], velocity, H, scratch, momentum, drift)
-        advance_all(state, momentum, drift, step)
-        if i >= start and (i - start) % stride == 0:
-            copy(state.residual, out[row])
+        step = start_step(equations.observer, time_step(joints.t, i), bandwidth)
+        kinematics_and_momenta(model, joints.q[i], joints.qd[i], equations.weightless, equations.motion)
+        _fill(equations, joints.qd[i], velocity)
+        advance_all(equations.observer, equations.momentum, equations.drift, step)
+        if i >= kept.start and (i - kept.start) % kept.stride == 0:
+            copy(equations.observer.residual, kept.residual[row])
             row += 1
 
 
 @kernel
-def _fill_equations(
-    motion: Motion,
-    qd: np.ndarray,
-    velocity: float,
-    H: np.ndarray,
-    scratch: np.ndarray,
-    momentum: np.ndarray,
-    drift: np.ndarray,
-) -> None:
+def _fill(equations: Equations, qd: np.ndarray, velocity: float) -> None:
     """Momentum and drift of each equation at one sample, shape (E,), in this order:
 
     - of each link and joint before it: momentum about the joint by inertial parameter, then the torque of the
       weight by parameter and direction of gravity;
     - of each joint: rotor, Coulomb and viscous friction.
     """
-    n = qd.shape[0]
-    e = 0
+    motion, H, momentum, drift = equations.motion, equations.regressor, equations.momentum, equations.drift
+    n, e = qd.shape[0], 0
     for k in range(1, n + 1):
         R, o = motion.rotation[k], motion.origin[k]
-        body_regressor(R, o, motion.twist[k], H, scratch)
+        body_regressor(R, o, motion.twist[k], H, equations.scratch)
         for j in range(k):
             s, rate = motion.screw[j], motion.screw_rate[j]
             sx, sy, sz, zx, zy, zz = s[0], s[1], s[2], s[3], s[4], s[5]

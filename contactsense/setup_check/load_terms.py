@@ -15,18 +15,14 @@ import numpy as np
 
 from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.recording_residuals import JointMotion, time_step
-from contactsense.kinematics.model import Model, Motion, empty_motion
+from contactsense.kinematics.model import Model, Motion
 from contactsense.kinematics.momenta import kinematics_and_momenta
 from contactsense.kinematics.regressor import PARAMETERS, WEIGHTS, body_regressor
-from contactsense.residuals.momentum_observer import (
-    MomentumObserver,
-    advance_all,
-    empty_observer,
-    start_step,
-)
+from contactsense.residuals.momentum_observer import advance_all, start_step
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import kernel
 from contactsense.setup_check.instants import BANDWIDTH, Instants, at_delay
+from contactsense.setup_check.observed_motion import Equations, Kept, at_nodes, node_times
 
 _PER_BODY = 6 * PARAMETERS + 3 * 3 * WEIGHTS
 """Equations of one body."""
@@ -40,7 +36,7 @@ class LoadTerms:
     bodies: int
     """K."""
     values: np.ndarray
-    """The observer's residuals for each of E equations (see `_fill_equations`), at the five nodes about each
+    """The observer's residuals for each of E equations (see `_fill`), at the five nodes about each
     instant, shape (M, 5, E): the wrench on the sensor with the opposite sign."""
     nodes: np.ndarray
     """Times of the nodes after the instants [s], shape (M, 5)."""
@@ -55,12 +51,14 @@ class LoadTerms:
             recordings: Their motion is used, their readings are not.
             instants: Of each recording.
         """
-        pairs = list(zip(recordings, instants, strict=True))
-        return cls(
-            model.joints + 1 - body,
-            np.concatenate([_observed(model, body, part, at)[at.nodes] for part, at in pairs]),
-            np.concatenate([at.node_times(part.t) for part, at in pairs]),
-        )
+        bodies = model.joints + 1 - body
+        relative = _RelativeMotion(np.empty((3, 3)), np.empty(3), np.empty(6))
+
+        def observe(joints: JointMotion, equations: Equations, kept: Kept) -> None:
+            _observe(model, body, joints, BANDWIDTH, relative, equations, kept)
+
+        values = at_nodes(model.joints, bodies * _PER_BODY + 9, recordings, instants, observe)
+        return cls(bodies, values, node_times(recordings, instants))
 
     def at(self, gravity: np.ndarray, delay: float) -> np.ndarray:
         """Wrench per inertial parameter `delay` [s] before each instant, shape (M, 6, K, 10), under `gravity`
@@ -75,21 +73,6 @@ class LoadTerms:
         # The force is that of the mass alone, whatever the body.
         found[:, :3, :, 0] += (values[:, own:].reshape(rows, 3, 3) @ gravity)[:, :, None]
         return found
-
-
-def _observed(model: Model, body: int, part: FreeMotion, at: Instants) -> np.ndarray:
-    """The observer's residuals at all nodes of one recording, shape (N, E)."""
-    n, t = model.joints, part.t[at.motion]
-    equations = (n + 1 - body) * _PER_BODY + 9
-    start, _, stride = at.keep.indices(len(t))
-    out = np.empty((len(range(start, len(t), stride)), equations))
-    relative = _RelativeMotion(np.empty((3, 3)), np.empty(3), np.empty(6))
-    _observe(
-        model, body, JointMotion(t, part.q[at.motion], part.qd[at.motion]), BANDWIDTH, np.zeros(3),
-        empty_motion(n), empty_observer(equations), relative, np.empty((6, PARAMETERS)), np.empty(3),
-        np.zeros(equations), np.zeros(equations), start, stride, out,
-    )  # fmt: skip
-    return out
 
 
 class _RelativeMotion(NamedTuple):
@@ -110,55 +93,35 @@ def _observe(
     body: int,
     joints: JointMotion,
     bandwidth: float,
-    weightless: np.ndarray,
-    motion: Motion,
-    state: MomentumObserver,
     relative: _RelativeMotion,
-    H: np.ndarray,
-    scratch: np.ndarray,
-    momentum: np.ndarray,
-    drift: np.ndarray,
-    start: int,
-    stride: int,
-    out: np.ndarray,
+    equations: Equations,
+    kept: Kept,
 ) -> None:
-    """Fill `out`, shape (N, E), with every `stride`-th sample from `start` on.
-
-    `weightless`: zero, (3,); `momentum`, `drift`: zero, (E,); `motion`, `relative`, `H`, `scratch`:
-    overwritten.
-    """
     row = 0
     for i in range(joints.t.shape[0]):
-        step = start_step(state, time_step(joints.t, i), bandwidth)
-        kinematics_and_momenta(model, joints.q[i], joints.qd[i], weightless, motion)
-        _fill_equations(motion, body, relative, H, scratch, momentum, drift)
-        advance_all(state, momentum, drift, step)
-        if i >= start and (i - start) % stride == 0:
-            copy(state.residual, out[row])
+        step = start_step(equations.observer, time_step(joints.t, i), bandwidth)
+        kinematics_and_momenta(model, joints.q[i], joints.qd[i], equations.weightless, equations.motion)
+        _fill(equations, body, relative)
+        advance_all(equations.observer, equations.momentum, equations.drift, step)
+        if i >= kept.start and (i - kept.start) % kept.stride == 0:
+            copy(equations.observer.residual, kept.residual[row])
             row += 1
 
 
 @kernel
-def _fill_equations(
-    motion: Motion,
-    body: int,
-    relative: _RelativeMotion,
-    H: np.ndarray,
-    scratch: np.ndarray,
-    momentum: np.ndarray,
-    drift: np.ndarray,
-) -> None:
+def _fill(equations: Equations, body: int, relative: _RelativeMotion) -> None:
     """Momentum and drift of each equation at one sample, shape (E,), in this order:
 
     - of each body: momentum by component and inertial parameter, then the moment of the weight by parameter,
       component and direction of gravity;
     - the force of a mass of one, by component and direction of gravity.
     """
+    motion, H, momentum, drift = equations.motion, equations.regressor, equations.momentum, equations.drift
     base, R, o, twist = motion.rotation[body], relative.rotation, relative.origin, relative.twist
     e = 0
     for k in range(body, motion.rotation.shape[0]):
         _place(motion, body, k, relative)
-        body_regressor(R, o, twist, H, scratch)
+        body_regressor(R, o, twist, H, equations.scratch)
         if k == body:
             vx, vy, vz = twist[0], twist[1], twist[2]
             wx, wy, wz = twist[3], twist[4], twist[5]
