@@ -18,7 +18,7 @@ from contactsense.setup_check.changes import matters
 from contactsense.setup_check.fit import Fit, Fitter
 from contactsense.setup_check.hypotheses import Hypotheses
 from contactsense.setup_check.hypothesis import Hypothesis
-from contactsense.setup_check.lines import Line
+from contactsense.setup_check.lines import Line, states_inertia
 from contactsense.setup_check.setup import Free, Setup
 
 EVIDENCE = 30.0
@@ -59,7 +59,7 @@ class Explanation:
 
 def needed(line: Line) -> float:
     """By how much twice the log likelihood must rise beyond the penalty for a line to be wrong."""
-    return _LOAD_EVIDENCE if line.startswith("inertia.") else EVIDENCE
+    return _LOAD_EVIDENCE if states_inertia(line) else EVIDENCE
 
 
 def exchanged(

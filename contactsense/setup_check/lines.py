@@ -10,6 +10,7 @@ VELOCITIES: Line = "joint velocities: agreement"
 ZEROS: Line = "joint positions: zero"
 DELAYED_TORQUES: Line = "joint torques: delay"
 FROZEN_TORQUES: Line = "joint torques: frozen values"
+_INERTIA = "inertia."
 _ARM: tuple[Line, ...] = (
     "robot", "joint positions: unit", "joint positions: order", ZEROS, VELOCITIES, "mounting", "tool",
     "tool.mass", "tool.com",
@@ -31,7 +32,12 @@ def loaded_links(links: int) -> range:
 
 def inertia_line(scene: Scene, link: int) -> Line:
     """The line that states the inertia of a link, by its index."""
-    return f"inertia.{scene.robot.link_names[link]}"
+    return f"{_INERTIA}{scene.robot.link_names[link]}"
+
+
+def states_inertia(line: Line) -> bool:
+    """Whether a line states the inertia of a link."""
+    return line.startswith(_INERTIA)
 
 
 def loaded_link(scene: Scene, line: Line) -> int | None:

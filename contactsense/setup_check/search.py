@@ -77,7 +77,13 @@ def searched(fitter: Fitter, hypotheses: Hypotheses, stated: Setup, progress: Ca
             break
         if best is not None and fitter.cost(now) - fitter.cost(best.fit) >= needed(best.hypothesis.line):
             change = change_of(best, setup)
-            if found is None:
+            pair = None
+            if found is None and best.hypothesis.absorbed:
+                paired = True
+                pair = _better_pair(fitter, hypotheses, stated, _seeds(firsts, (), _MORE_FIRSTS), best.fit)
+            if pair is not None:
+                found = pair
+            elif found is None:
                 found = Explanation(
                     (change,), best.fit, {change.line: now}, {change.line: _rivals(fitter, ranked, best, now)}
                 )
@@ -111,6 +117,26 @@ def _pair(
     if fitter.cost(now) - fitter.cost(best.fit) < sum(map(needed, best.lines)):
         return None
     return exchanged(fitter, hypotheses, stated, best.changes)
+
+
+def _better_pair(
+    fitter: Fitter, hypotheses: Hypotheses, stated: Setup, firsts: tuple[Change, ...], load: Fit
+) -> Explanation | None:
+    """Two lines that explain the readings clearly better than a load on a link; None: there are none.
+
+    Beside another arm and a forgotten tool, a load far beyond what a link carries explains most alone, and
+    leaves residuals that are not conspicuous.
+    """
+    effective = fitter.effective.copy()
+    fitter.effective[:] = 1.0
+    options = pairs(fitter, hypotheses, stated, firsts)
+    if options:
+        best = min(options, key=lambda option: fitter.cost(option.fit))
+        fitter.set_effective_rows(best.fit.residual)
+        if fitter.cost(load) - fitter.cost(best.fit) > EXCLUDED:
+            return exchanged(fitter, hypotheses, stated, best.changes)
+    fitter.effective[:] = effective
+    return None
 
 
 def _far(fitter: Fitter, fit: Fit) -> bool:

@@ -18,13 +18,21 @@ from contactsense.setup_check.setup import BASE, Setup
 DRAWN = Settings(seconds=12.0)
 
 
-@pytest.mark.parametrize("seed", [pytest.param(20_000, marks=pytest.mark.slow), 20_005])
-def test_another_arm_and_a_missing_tool_are_no_scale_of_the_torques(seed: int) -> None:
-    """Line by line, a scale of the torques or a third arm explains most, and the search stayed with it."""
-    case, lines = two_wrong_lines("ur5e", seed, Settings(), torques_alone=True, kinds=ARM_AND_TOOL)
+@pytest.mark.parametrize(
+    ("arm", "seed"),
+    [
+        pytest.param("ur5e", 20_000, marks=pytest.mark.slow),
+        ("ur5e", 20_005),
+        pytest.param("ur10e", 10_000, marks=pytest.mark.slow),
+    ],
+)
+def test_another_arm_and_a_missing_tool_are_no_other_line(arm: str, seed: int) -> None:
+    """Line by line, a scale of the torques, a third arm or a load on a link explains most, and the search
+    stayed with it."""
+    case, lines = two_wrong_lines(arm, seed, Settings(), torques_alone=True, kinds=ARM_AND_TOOL)
     found = check(case.scene, [case.recording])
     assert {item.line for item in found.wrong} == set(lines)
-    assert {item.line: item.proposed for item in found.wrong}["robot"] == "ur5e"
+    assert {item.line: item.proposed for item in found.wrong}["robot"] == arm
     for item in found.wrong:
         assert item.after == found.residuals
         assert item.before is not None
