@@ -18,7 +18,8 @@ from contactsense.kinematics.momenta import kinematics_and_momenta
 from contactsense.kinematics.regressor import PARAMETERS, WEIGHTS, body_regressor
 from contactsense.residuals.momentum_observer import advance_all, start_step
 from contactsense.robots.jit.array_views import copy
-from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.jit.kernel import inlined_kernel, kernel
+from contactsense.robots.vectors import Vector, add_cross, cross, dot, vector
 from contactsense.setup_check.instants import BANDWIDTH, Instants, at_delay
 from contactsense.setup_check.observed_motion import Equations, Kept, at_nodes, node_times
 
@@ -121,26 +122,29 @@ def _fill(equations: Equations, qd: np.ndarray, velocity: float) -> None:
         R, o = motion.rotation[k], motion.origin[k]
         body_regressor(R, o, motion.twist[k], H, equations.scratch)
         for j in range(k):
-            s, rate = motion.screw[j], motion.screw_rate[j]
-            sx, sy, sz, zx, zy, zz = s[0], s[1], s[2], s[3], s[4], s[5]
+            slide, turn = vector(motion.screw[j]), vector(motion.screw[j, 3:])
+            slide_rate, turn_rate = vector(motion.screw_rate[j]), vector(motion.screw_rate[j, 3:])
             for c in range(PARAMETERS):
-                momentum[e + c] = zx * H[3, c] + zy * H[4, c] + zz * H[5, c]
-                drift[e + c] = rate[3] * H[3, c] + rate[4] * H[4, c] + rate[5] * H[5, c]
+                L = vector(H[3:, c])
+                momentum[e + c], drift[e + c] = dot(turn, L), dot(turn_rate, L)
             # Second moments have no linear momentum.
             for c in range(WEIGHTS):
-                momentum[e + c] += sx * H[0, c] + sy * H[1, c] + sz * H[2, c]
-                drift[e + c] += rate[0] * H[0, c] + rate[1] * H[1, c] + rate[2] * H[2, c]
+                p = vector(H[:, c])
+                momentum[e + c] += dot(slide, p)
+                drift[e + c] += dot(slide_rate, p)
             e += PARAMETERS
-            # With the force g at the point p, s . (g, p x g) = (s_linear + z x p) . g.
-            drift[e] = sx + zy * o[2] - zz * o[1]
-            drift[e + 1] = sy + zz * o[0] - zx * o[2]
-            drift[e + 2] = sz + zx * o[1] - zy * o[0]
+            # The force g at the point p has the torque slide . g + turn . (p x g) = (slide + turn x p) . g.
+            _store(add_cross(slide, turn, vector(o)), drift[e:])
             for i in range(3):
-                drift[e + 3 + 3 * i] = zy * R[2, i] - zz * R[1, i]
-                drift[e + 4 + 3 * i] = zz * R[0, i] - zx * R[2, i]
-                drift[e + 5 + 3 * i] = zx * R[1, i] - zy * R[0, i]
+                _store(cross(turn, vector(R[:, i])), drift[e + 3 + 3 * i :])
             e += 3 * WEIGHTS
     for j in range(n):
         momentum[e + j] = qd[j]
         drift[e + n + j] = -math.tanh(qd[j] / velocity)
         drift[e + 2 * n + j] = -qd[j]
+
+
+@inlined_kernel
+def _store(values: Vector, out: np.ndarray) -> None:
+    """Fill the first three numbers of an array."""
+    out[0], out[1], out[2] = values

@@ -20,7 +20,8 @@ from contactsense.kinematics.momenta import kinematics_and_momenta
 from contactsense.kinematics.regressor import PARAMETERS, WEIGHTS, body_regressor
 from contactsense.residuals.momentum_observer import advance_all, start_step
 from contactsense.robots.jit.array_views import copy
-from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.jit.kernel import inlined_kernel, kernel
+from contactsense.robots.vectors import Vector, add_cross, cross, rotate_back, subtract, vector
 from contactsense.setup_check.instants import BANDWIDTH, Instants, at_delay
 from contactsense.setup_check.observed_motion import Equations, Kept, at_nodes, node_times
 
@@ -66,12 +67,12 @@ class LoadTerms:
         rows, own = len(self.values), self.bodies * _PER_BODY
         values = -at_delay(self.values, self.nodes, delay)
         by_body = values[:, :own].reshape(rows, self.bodies, _PER_BODY)
-        momenta = by_body[..., : 6 * PARAMETERS].reshape(rows, self.bodies, 6, PARAMETERS)
-        found = np.ascontiguousarray(momenta.transpose(0, 2, 1, 3))
-        moments = by_body[..., 6 * PARAMETERS :].reshape(rows, self.bodies, WEIGHTS, 3, 3) @ gravity
-        found[:, 3:, :, :WEIGHTS] += moments.transpose(0, 3, 1, 2)
+        momenta = by_body[..., : 6 * PARAMETERS].reshape(rows, self.bodies, PARAMETERS, 6)
+        found = np.ascontiguousarray(momenta.transpose(0, 3, 1, 2))
+        moments = by_body[..., 6 * PARAMETERS :].reshape(rows, self.bodies, WEIGHTS, 3, 3)
+        found[:, 3:, :, :WEIGHTS] += np.einsum("mkpgc,g->mckp", moments, gravity)
         # The force is that of the mass alone, whatever the body.
-        found[:, :3, :, 0] += (values[:, own:].reshape(rows, 3, 3) @ gravity)[:, :, None]
+        found[:, :3, :, 0] += (gravity @ values[:, own:].reshape(rows, 3, 3))[:, :, None]
         return found
 
 
@@ -112,59 +113,49 @@ def _observe(
 def _fill(equations: Equations, body: int, relative: _RelativeMotion) -> None:
     """Momentum and drift of each equation at one sample, shape (E,), in this order:
 
-    - of each body: momentum by component and inertial parameter, then the moment of the weight by parameter,
-      component and direction of gravity;
-    - the force of a mass of one, by component and direction of gravity.
+    - of each body: momentum by inertial parameter and component, then the moment of the weight by parameter,
+      direction of gravity and component;
+    - the force of a mass of one, by direction of gravity and component.
     """
     motion, H, momentum, drift = equations.motion, equations.regressor, equations.momentum, equations.drift
-    base, R, o, twist = motion.rotation[body], relative.rotation, relative.origin, relative.twist
+    base, R, twist = motion.rotation[body], relative.rotation, relative.twist
     e = 0
     for k in range(body, motion.rotation.shape[0]):
         _place(motion, body, k, relative)
-        body_regressor(R, o, twist, H, equations.scratch)
+        body_regressor(R, relative.origin, twist, H, equations.scratch)
         if k == body:
-            vx, vy, vz = twist[0], twist[1], twist[2]
-            wx, wy, wz = twist[3], twist[4], twist[5]
+            v, w = vector(twist), vector(twist[3:])
         for c in range(PARAMETERS):
-            px, py, pz, Lx, Ly, Lz = H[0, c], H[1, c], H[2, c], H[3, c], H[4, c], H[5, c]
-            for r in range(6):
-                momentum[e + r * PARAMETERS + c] = H[r, c]
-            drift[e + c] = wz * py - wy * pz
-            drift[e + PARAMETERS + c] = wx * pz - wz * px
-            drift[e + 2 * PARAMETERS + c] = wy * px - wx * py
-            drift[e + 3 * PARAMETERS + c] = wz * Ly - wy * Lz + vz * py - vy * pz
-            drift[e + 4 * PARAMETERS + c] = wx * Lz - wz * Lx + vx * pz - vz * px
-            drift[e + 5 * PARAMETERS + c] = wy * Lx - wx * Ly + vy * px - vx * py
-        e += 6 * PARAMETERS
+            p, L = vector(H[:, c]), vector(H[3:, c])
+            _store(p, L, momentum[e:])
+            _store(cross(p, w), add_cross(cross(L, w), p, v), drift[e:])
+            e += 6
         for i in range(WEIGHTS):
-            if i == 0:
-                ax, ay, az = o[0], o[1], o[2]
-            else:
-                ax, ay, az = R[0, i - 1], R[1, i - 1], R[2, i - 1]
+            place = vector(relative.origin) if i == 0 else vector(R[:, i - 1])
             for axis in range(3):
-                gx, gy, gz = base[axis, 0], base[axis, 1], base[axis, 2]
-                drift[e + axis] = ay * gz - az * gy
-                drift[e + 3 + axis] = az * gx - ax * gz
-                drift[e + 6 + axis] = ax * gy - ay * gx
-            e += 9
-    for r in range(3):
-        for axis in range(3):
-            drift[e + 3 * r + axis] = base[axis, r]
+                drift[e], drift[e + 1], drift[e + 2] = cross(place, vector(base[axis]))
+                e += 3
+    for axis in range(3):
+        drift[e], drift[e + 1], drift[e + 2] = vector(base[axis])
+        e += 3
 
 
-@kernel
+@inlined_kernel
 def _place(motion: Motion, body: int, k: int, relative: _RelativeMotion) -> None:
     """Fill `relative` with the motion of link k."""
-    base, origin = motion.rotation[body], motion.origin[body]
-    turned, twist = motion.rotation[k], motion.twist[k]
-    ox, oy, oz = origin[0], origin[1], origin[2]
-    wx, wy, wz = twist[3], twist[4], twist[5]
-    vx, vy, vz = twist[0] + wy * oz - wz * oy, twist[1] + wz * ox - wx * oz, twist[2] + wx * oy - wy * ox
-    dx, dy, dz = motion.origin[k, 0] - ox, motion.origin[k, 1] - oy, motion.origin[k, 2] - oz
-    for r in range(3):
-        ex, ey, ez = base[0, r], base[1, r], base[2, r]
-        relative.origin[r] = ex * dx + ey * dy + ez * dz
-        relative.twist[r] = ex * vx + ey * vy + ez * vz
-        relative.twist[3 + r] = ex * wx + ey * wy + ez * wz
-        for c in range(3):
-            relative.rotation[r, c] = ex * turned[0, c] + ey * turned[1, c] + ez * turned[2, c]
+    base, origin = motion.rotation[body], vector(motion.origin[body])
+    w = vector(motion.twist[k, 3:])
+    velocity = add_cross(vector(motion.twist[k]), w, origin)
+    place = rotate_back(base, subtract(vector(motion.origin[k]), origin))
+    relative.origin[0], relative.origin[1], relative.origin[2] = place
+    _store(rotate_back(base, velocity), rotate_back(base, w), relative.twist)
+    for i in range(3):
+        axis = rotate_back(base, vector(motion.rotation[k, :, i]))
+        relative.rotation[0, i], relative.rotation[1, i], relative.rotation[2, i] = axis
+
+
+@inlined_kernel
+def _store(first: Vector, second: Vector, out: np.ndarray) -> None:
+    """Fill the first six numbers of an array."""
+    for i in range(3):
+        out[i], out[3 + i] = first[i], second[i]
