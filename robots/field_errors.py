@@ -46,6 +46,8 @@ _COMPLETE = {"missing", "value_error", "union_tag_invalid", "union_tag_not_found
 _SHORT = reprlib.Repr()
 _SHORT.maxstring = _SHORT.maxother = 60
 _SHORT.maxlist = _SHORT.maxtuple = _SHORT.maxdict = 8
+_MOST_LISTED = 20
+"""A message about an unknown field lists the known ones if there are no more."""
 _LITERALS = {None: "null", True: "true", False: "false"}
 
 
@@ -115,13 +117,15 @@ def _message(issue: Mapping[str, Any], annotation: Any) -> str:
 
 def _meant(name: str, here: Found, annotation: Any) -> str:
     """End of a message about an unknown field: a part below, or elsewhere, that has a field of this name, as
-    its indentation may be wrong, or else the field of this part whose name is nearest."""
+    its indentation may be wrong, or else the field of this part whose name is nearest, or all of them."""
     below = [(*here.place, *place) for kind in here.types for place in places_of(kind, name)]
     own = (*here.place, name)  # of a union, another type may have this field
     meant = [place for place in below or places_of(annotation, name) if place != own]
     if meant:
         return f" (did you mean {' or '.join(map(joined, meant))}?)"
-    return did_you_mean(name, here.fields)
+    fields = here.fields
+    listed = f" (known: {', '.join(sorted(fields))})" if 0 < len(fields) <= _MOST_LISTED else ""
+    return did_you_mean(name, fields) or listed
 
 
 def _either(messages: list[str]) -> str:

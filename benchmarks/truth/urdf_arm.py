@@ -116,12 +116,12 @@ def _finished(body: _Body, link: str, joint: Element | None, place: dict[str, Pl
     element = joint.find("axis")
     try:
         axis = np.array([1.0, 0.0, 0.0]) if element is None else numbers(element, "xyz", 3)
-        shift, turn = pose(joint)
     except ValueError as error:
         raise ValueError(f"{path}: joint {joint.attrib['name']}: {error}") from None
     length = float(np.linalg.norm(axis))
     if not length > 0.0:
         raise ValueError(f"{path}: joint {joint.attrib['name']}: expected an axis, got 0 0 0")
+    shift, turn = _origin(joint, path)
     origin, rotation = place[_parent(joint)]
     moved = body.link(link, (origin + rotation @ shift, rotation @ turn), axis / length)
     moments = np.linalg.eigvalsh(moved.tensor)
@@ -178,9 +178,17 @@ def _parts(tree: _Tree, first: str, others: set[str]) -> list[tuple[str, Placed]
     for part, (origin, rotation) in found:
         for joint in tree.below[part]:
             if _child(joint) not in others:
-                shift, turn = pose(joint)
+                shift, turn = _origin(joint, tree.path)
                 found.append((_child(joint), (origin + rotation @ shift, rotation @ turn)))
     return found
+
+
+def _origin(joint: Element, path: Path) -> Placed:
+    """Of a joint of a file, in the frame of its parent."""
+    try:
+        return pose(joint)
+    except ValueError as error:
+        raise ValueError(f"{path}: joint {joint.attrib['name']}: {error}") from None
 
 
 def _surface(visual: Element, urdf: Path) -> tuple[np.ndarray, np.ndarray]:

@@ -106,7 +106,9 @@ class PushSource:
             connection.setblocking(False)
             self._selector.register(connection, selectors.EVENT_READ)
             self._connection, self._unframer = connection, Unframer()
-            self._readings = PushedReadings(self._scene)  # another controller has other clocks and sensors
+            # Another controller has other clocks, sensors and mistakes.
+            self._readings = PushedReadings(self._scene)
+            self._refused, self._refusal = RecentCounts(), ""
             self._health.connections += 1
 
     def _drop(self) -> None:

@@ -56,7 +56,12 @@ class Box(Part):
             "boxes[0].floor.thickness?), got 2",
         ),
         ({"slab": {"share": 1}}, "slab.share: unknown field (did you mean share?), got 1"),
-        ({"colour": 1}, "colour: unknown field, got 1"),
+        (
+            {"colour": 1},
+            "colour: unknown field (known: boxes, long, named, on, parts, place, share, six, slab, while), "
+            "got 1",
+        ),
+        ({"slab": {"x": 1}}, "slab.x: unknown field (known: kind, thickness), got 1"),
         ({"parts": [{"kind": "cube"}]}, "parts[0]: expected 'kind' to be one of 'ball', 'slab', got 'cube'"),
         ({"parts": [{}]}, "parts[0]: expected the field 'kind'"),
         (
@@ -78,7 +83,10 @@ class Box(Part):
         ({"place": 3}, "place: expected a list, got 3"),
         ({"six": [1]}, "six: expected 3 values, got 1"),
         ({"six": [1, 2, 3, 4]}, "six: expected at most 3, there are 4"),
-        ({"parts": [{"kind": "slab", "radius": 1}]}, "parts[0].radius: unknown field, got 1"),
+        (
+            {"parts": [{"kind": "slab", "radius": 1}]},
+            "parts[0].radius: unknown field (known: kind, thickness), got 1",
+        ),
         ({"share": 0}, "share: expected a number above 0 or a list, got 0"),
         ({"share": [1, 0]}, "share[1]: expected a number above 0, got 0"),
         ({"share": None}, "share: expected a number or a list, got null"),
@@ -111,5 +119,6 @@ def test_a_field_with_the_name_of_a_branch_keeps_it() -> None:
     with pytest.raises(ValidationError) as refused:
         Whole.model_validate({"parts": [{"kind": "ball", "ball": 1}], "named": {"ball": {"radius": 0}}})
     assert describe(refused.value, Whole) == (
-        "parts[0].ball: unknown field, got 1; named.ball.radius: expected a number above 0, got 0"
+        "parts[0].ball: unknown field (known: kind, radius), got 1; named.ball.radius: expected a number "
+        "above 0, got 0"
     )

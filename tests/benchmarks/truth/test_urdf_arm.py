@@ -138,6 +138,7 @@ def test_the_tip_ends_the_arm(urdf: Path) -> None:
         ("0 2 0", "0 0 0", "joint elbow: expected an axis, got 0 0 0"),
         ("0 2 0", "0 2", "joint elbow: axis: xyz: expected 3 numbers, got '0 2'"),
         ("0.05 0 0", "0.05 nan 0", "joint elbow: origin: xyz: expected 3 numbers, got '0.05 nan 0'"),
+        ("0 0.1 0.45", "0 0.1", "joint shelf: origin: xyz: expected 3 numbers, got '0 0.1'"),
         ('mass value="1"', 'mass value="one"', "link lower: mass: value: expected a number, got 'one'"),
         ('ixx="0.02"', "", "link foot: inertia: ixx: expected a number, got none"),
         (
@@ -154,7 +155,7 @@ def test_the_tip_ends_the_arm(urdf: Path) -> None:
 )
 def test_what_cannot_be_used_is_named(urdf: Path, text: str, changed: str, message: str) -> None:
     urdf.write_text(URDF.replace(text, changed))
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises(ValueError, match=rf"^{re.escape(str(urdf))}: .*{message}"):
         urdf_arm.read(urdf)
 
 

@@ -94,3 +94,20 @@ def test_another_controller_is_not_compared_with_the_last_one(source: PushSource
         second.sendall(sent(moving[0]))
         assert len(source.poll(1.0)) == 1
         assert source.health.trouble == ""
+
+
+def test_another_controller_is_not_blamed_for_the_messages_of_the_last_one(
+    source: PushSource, tmp_path: Path
+) -> None:
+    with connected(tmp_path) as first:
+        source.poll(0.0)
+        first.sendall(sent(*({**GOOD, "q": [0.0] * 5},) * 5))
+        source.poll(0.1)
+        assert "refused" in source.health.trouble
+    while source.health.robot.error.startswith("the controller"):
+        source.poll(0.1)
+    with connected(tmp_path) as second:
+        source.poll(0.0)
+        second.sendall(sent(GOOD))
+        assert len(source.poll(1.0)) == 1
+        assert source.health.trouble == ""

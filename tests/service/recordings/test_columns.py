@@ -111,6 +111,8 @@ def test_other_names_and_units(tmp_path: Path) -> None:
         read(path, TORQUES)
     with pytest.raises(MappingError, match="speed"):
         ColumnMapping.parse("speed=v")
+    with pytest.raises(MappingError, match=r"bar: unknown field \(known: angle_unit, .*, timestamp, wrist"):
+        ColumnMapping.parse("bar=foo")
     with pytest.raises(MappingError, match="time_unit"):
         ColumnMapping.parse("time_unit=h")
 
