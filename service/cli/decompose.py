@@ -108,6 +108,7 @@ def decompose(
     """
     try:
         from contactsense.robots.decomposition.decompose import Options, choose
+        from contactsense.robots.decomposition.mesh_size import too_large
         from contactsense.robots.decomposition.mesh_sources import read_arm, read_tool
     except ImportError as error:
         raise click.ClickException(
@@ -133,6 +134,12 @@ def decompose(
         click.echo(f"{arm}: {chain_of(robot, tip)}", err=True)
     if robot.held:
         click.echo(f"{arm}: held at zero: {', '.join(robot.held)}", err=True)
+    for link, (beyond, apart) in too_large(robot, surfaces).items():
+        click.echo(
+            f"warning: {link}: its mesh extends {beyond * 1e3:.0f} mm beyond a joint, on a link whose joints "
+            f"are {apart * 1e3:.0f} mm apart; is its scale or its origin right?",
+            err=True,
+        )
     if measure is not None:
         _write(measured_again(robot, surfaces, measure), out)
         return

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 import yaml
 from click.testing import CliRunner, Result
 
@@ -125,6 +126,26 @@ def test_the_joints_of_the_arm_are_named_before_the_fit(tmp_path: Path, tip: str
     result = call("decompose", str(urdf), *asked, "--measure", str(tmp_path / "none.yaml"))
     assert f"{urdf}: joints of the arm: hinge; its last link: bar" in result.stderr
     assert ("--tip names another last link" in result.stderr) == (not tip)
+
+
+def test_a_mesh_that_is_too_large_is_named_before_the_fit(tmp_path: Path) -> None:
+    """A scale of 2 in the URDF, as of a mesh in half millimetres."""
+    trimesh.creation.cylinder(0.05, segment=[(0.0, 0.0, -0.1), (0.0, 0.0, 0.5)]).export(tmp_path / "bar.stl")
+    trimesh.creation.box((0.1, 0.1, 0.2)).export(tmp_path / "base.stl")
+    elbow = (
+        '<link name="tip"/><joint name="elbow" type="revolute"><parent link="bar"/><child link="tip"/>'
+        '<origin xyz="0 0 0.4"/><axis xyz="1 0 0"/><limit lower="-2" upper="2" velocity="1" effort="1"/>'
+        "</joint></robot>"
+    )
+    urdf = tmp_path / "two.urdf"
+
+    def warned(scale: str) -> str:
+        urdf.write_text(URDF.replace('"bar.stl"', f'"bar.stl" scale="{scale}"').replace("</robot>", elbow))
+        return call("decompose", str(urdf), "--measure", str(tmp_path / "none.yaml")).stderr
+
+    assert "warning" not in warned("1 1 1")
+    told = "warning: bar: its mesh extends 600 mm beyond a joint, on a link whose joints are 400 mm apart"
+    assert told in warned("2 2 2")
 
 
 def test_an_arm_without_visual_shapes_needs_meshes(tmp_path: Path) -> None:
