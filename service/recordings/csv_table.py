@@ -1,9 +1,10 @@
-"""Tables of numbers from CSV, which may be packed with gzip."""
+"""Tables of numbers, and of dates, from CSV, which may be packed with gzip."""
 
 import gzip
 import io
 import zlib
 from collections.abc import Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,16 @@ _HEAD = 65536
 """Maximum length of the header line of a CSV file [bytes]."""
 _GZIP = b"\x1f\x8b"
 """The first bytes of a file that is packed with gzip."""
+_OTHER_BEGINNINGS = {
+    "{": "JSON",
+    "[": "JSON",
+    "#ROSBAG": "a ROS 1 bag",
+    "BZh": "a file packed with bzip2",
+    "MATLAB": "a file of MATLAB",
+    "#": "a comment",
+    "%": "a comment",
+}
+"""First characters of files whose first line is no header, and what they are."""
 
 
 class _Gzip(io.RawIOBase):
@@ -59,6 +70,12 @@ class CsvTable:
             head = (stream.read(_HEAD) or b"").split(b"\n", 1)[0].decode("utf-8-sig", "replace").strip()
         if not head.replace("\t", "").isprintable():
             raise RecordingError(f"{path}: expected a table as text, got binary data")
+        for beginning, found in _OTHER_BEGINNINGS.items():
+            if head.startswith(beginning):
+                raise RecordingError(
+                    f"{path}: expected CSV with a header line that names the columns, Parquet, Arrow, MCAP "
+                    f"or rosbag2, got {found}: {head[:40]!r}"
+                )
         if ";" in head and not {",", "\t", " "} & set(head):
             raise RecordingError(
                 f"{path}: expected columns separated by commas, tabs or blanks, and decimal points, "
@@ -84,7 +101,7 @@ class CsvTable:
         except pa.ArrowInvalid as error:
             if "conversion error" not in str(error).lower():
                 raise RecordingError(f"{self._path}: {reason(error)}") from None
-            # A cell is not a number: read text, and mark what cannot be converted.
+            # A cell is not a number: read text, convert dates, and mark what cannot be converted.
             self.problems.clear()
             yield from chosen_rows(self._typed(names, pa.string()), done, None)
 
@@ -127,27 +144,56 @@ class CsvTable:
         self.problems += rejected
 
     def _parsed(self, batch: pa.RecordBatch, names: list[str], first: int) -> Columns:
-        columns = {}
+        cells = {name: batch.column(name).to_pylist() for name in names}
+        columns = {name: np.array([_number(cell) for cell in cells[name]]) for name in names}
+        bad = {name: _words(cells[name], columns[name]) for name in names}
+        rows = set[int].intersection(*bad.values())  # such as units below the header
+        for begin, end in _runs(rows):
+            words = ", ".join(repr(cells[name][begin]) for name in names[:3]) + ", ..." * (len(names) > 3)
+            self._report(first + begin, first + end, f"expected numbers, got {words}; row ignored")
         for name in names:
-            cells = batch.column(name).to_pylist()
-            values = np.array([_number(cell) for cell in cells])
-            bad = [i for i, c in enumerate(cells) if c not in ("", None) and _number(c) != _number(c)
-                   and c.strip().lower() not in ("nan", "null", "na")]  # fmt: skip
-            runs = np.split(bad, np.flatnonzero(np.diff(bad) > 1) + 1) if bad else []
-            for run in runs:
-                message = f"{name}: expected numbers, got {cells[run[0]]!r}"
-                self.problems.append(
-                    Problem(first + int(run[0]), first + int(run[-1]) + 1, "bad_row", message)
-                )
-            columns[name] = values
+            for begin, end in _runs(bad[name] - rows):
+                message = f"{name}: expected numbers, got {cells[name][begin]!r}"
+                self._report(first + begin, first + end, message)
         return columns
+
+    def _report(self, row_from: int, row_to: int, message: str) -> None:
+        self.problems.append(Problem(row_from, row_to, "bad_row", message))
+
+
+def _words(cells: list[str | None], values: np.ndarray) -> set[int]:
+    """Which cells of a column are neither numbers nor dates nor empty."""
+    return {
+        int(i)
+        for i in np.flatnonzero(np.isnan(values))
+        if (cell := cells[i]) and cell.strip().lower() not in ("nan", "null", "na")
+    }
+
+
+def _runs(rows: set[int]) -> list[tuple[int, int]]:
+    """First row of each run of rows that follow each other, and the row after its last one."""
+    if not rows:
+        return []
+    ordered = np.array(sorted(rows))
+    runs = np.split(ordered, np.flatnonzero(np.diff(ordered) > 1) + 1)
+    return [(int(run[0]), int(run[-1]) + 1) for run in runs]
 
 
 def _number(cell: str | None) -> float:
+    """A cell as a number, a date as seconds since 1970; NaN for others."""
     try:
         return float(cell) if cell else float("nan")
     except ValueError:
+        return _seconds(cell or "")
+
+
+def _seconds(cell: str) -> float:
+    """Seconds since 1970 of a date and time in ISO 8601, in UTC if it names no zone; NaN for others."""
+    try:
+        date = datetime.fromisoformat(cell.strip())
+    except ValueError:
         return float("nan")
+    return (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp()
 
 
 def _is_number(text: str) -> bool:

@@ -37,8 +37,9 @@ def _line(group: list[Problem]) -> str:
     places = ", ".join(problem.rows for problem in group[:NAMED])
     more = f" and {len(group) - NAMED} more" if len(group) > NAMED else ""
     listed = f"rows {places}{more} ({len(group)} places)"
+    advice = "; are the rows in the order of time?" if group[0].kind == "clock_set_back" else ""
     if len({problem.message for problem in group}) == 1:
-        return f"{listed}: {group[0].message}"
+        return f"{listed}: {group[0].message}{advice}"
     worst = max(group, key=lambda problem: problem.size)
     which = f"the largest, row {worst.rows}" if worst.size > 0.0 else "the first"
-    return f"{listed}; {which}: {worst.message}"
+    return f"{listed}; {which}: {worst.message}{advice}"

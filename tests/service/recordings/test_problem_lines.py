@@ -19,6 +19,15 @@ def test_of_what_has_no_size_the_first_is_an_example() -> None:
     assert problem_lines(cells) == ("rows 3, 4 (2 places); the first: q: expected numbers, got '3'",)
 
 
+def test_rows_in_no_order_are_asked_about() -> None:
+    back = [Problem(i, i + 1, "clock_set_back", f"the clock was set back by {i} s", i) for i in (2, 4)]
+    assert problem_lines(back) == (
+        "rows 2, 4 (2 places); the largest, row 4: the clock was set back by 4 s; are the rows in the order "
+        "of time?",
+    )
+    assert problem_lines(back[:1]) == ("row 2: the clock was set back by 2 s",)
+
+
 def test_a_single_problem_is_said_as_before() -> None:
     problem = Problem(5, 6, "gap", "a gap")
     assert problem_lines([problem]) == ("row 5: a gap",)

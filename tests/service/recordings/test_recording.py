@@ -1,5 +1,7 @@
 """Recordings in every format that is read, and everything that can be wrong with them."""
 
+import datetime
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -19,6 +21,7 @@ from contactsense.service.recordings import (
 )
 from contactsense.service.recordings.cleaning import RowChecker
 from contactsense.service.recordings.metadata import metadata
+from contactsense.service.recordings.problem_lines import problem_lines
 from tests.service.recordings.tables import (
     SCENE,
     TORQUES,
@@ -87,6 +90,50 @@ def test_dates_are_seconds_since_1970(tmp_path: Path, unit: str, zone: str | Non
     recording = read(tmp_path / "a.parquet", SCENE)
     np.testing.assert_allclose(recording.t, t, atol=1e-6)
     assert recording.problems == ()
+
+
+@pytest.mark.parametrize("zone", ["", "Z", "+02:00"])
+def test_dates_in_text_are_seconds_since_1970(tmp_path: Path, zone: str) -> None:
+    found = columns()
+    t = 1_774_746_000.0 + np.arange(N) * 0.002
+    head, *lines = text(found).splitlines()
+    offset = datetime.timezone(datetime.timedelta(hours=2 if zone == "+02:00" else 0))
+    dates = [datetime.datetime.fromtimestamp(x, offset).replace(tzinfo=None) for x in t.tolist()]
+    dated = [
+        f"{date.isoformat(' ', 'microseconds')}{zone},{line.partition(',')[2]}"
+        for date, line in zip(dates, lines, strict=True)
+    ]
+    (tmp_path / "a.csv").write_text("\n".join([head, *dated]))
+    recording = read(tmp_path / "a.csv", SCENE)
+    np.testing.assert_allclose(recording.t, t, atol=1e-6)
+    np.testing.assert_array_equal(recording.q, table(found, "actual_q"))
+    assert recording.problems == ()
+
+
+def test_units_below_the_header_are_one_problem(tmp_path: Path) -> None:
+    found = columns()
+    head, *lines = text(found).splitlines()
+    units = ",".join(["s", *["rad"] * (head.count(","))])
+    (tmp_path / "a.csv").write_text("\n".join([head, units, *lines]))
+    recording = read(tmp_path / "a.csv", SCENE)
+    assert problem_lines(recording.problems) == (
+        "row 0: expected numbers, got 's', 'rad', 'rad', ...; row ignored",
+    )
+    np.testing.assert_array_equal(recording.q, table(found, "actual_q"))
+
+
+@pytest.mark.parametrize(
+    ("beginning", "told"),
+    [
+        ("# recorded by me\n", "got a comment: '# recorded by me'"),
+        ('[{"timestamp": 0.0, "actual_q_0": 0.0}]\n', "got JSON: "),
+        ("#ROSBAG V2.0\n", "got a ROS 1 bag: "),
+    ],
+)
+def test_files_of_another_kind_are_named(tmp_path: Path, beginning: str, told: str) -> None:
+    (tmp_path / "a.csv").write_text(beginning + text(columns()))
+    with pytest.raises(RecordingError, match=r"a\.csv: expected CSV with a header line .*" + re.escape(told)):
+        read(tmp_path / "a.csv", SCENE)
 
 
 def test_what_is_no_text_is_not_printed(tmp_path: Path) -> None:
