@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from contactsense.robots.field_places import Found, Place, find, places_of
-from contactsense.robots.near_names import did_you_mean
+from contactsense.robots.near_names import did_you_mean, nearest
 
 __all__ = ["Place", "describe", "joined", "reasons"]
 
@@ -117,10 +117,12 @@ def _message(issue: Mapping[str, Any], annotation: Any) -> str:
 
 def _meant(name: str, here: Found, annotation: Any) -> str:
     """End of a message about an unknown field: a part below, or elsewhere, that has a field of this name, as
-    its indentation may be wrong, or else the field of this part whose name is nearest, or all of them."""
+    its indentation may be wrong, and the field of this part whose name is nearest, or all of them."""
     below = [(*here.place, *place) for kind in here.types for place in places_of(kind, name)]
     own = (*here.place, name)  # of a union, another type may have this field
     meant = [place for place in below or places_of(annotation, name) if place != own]
+    if meant and not below:
+        meant = [*((*here.place, near) for near in nearest(name, here.fields)), *meant]
     if meant:
         return f" (did you mean {' or '.join(map(joined, meant))}?)"
     fields = here.fields

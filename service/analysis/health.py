@@ -72,6 +72,8 @@ def health(analysis: Analysis) -> list[tuple[bool, str]]:
                 f"average{unit_hint(step, LONGEST_FIRST_STEP)}",
             )
         )
+    if not analysis.judged and any("are they in degrees?" in problem for problem in analysis.problems):
+        findings.append((False, "Positions in degrees are read with --columns angle_unit=deg."))
     if analysis.judged and step > LONG_STEP:
         findings.append(
             (

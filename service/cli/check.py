@@ -167,6 +167,8 @@ def print_check(found: SetupCheck, console: Console) -> None:
 
 def _explained(item: Finding) -> str:
     remark = f" ({item.remark})" if item.remark else ""
+    if item.proposed == "deg":
+        remark = f" ({item.remark}: --columns angle_unit=deg reads them)"
     lines = [f"[bold]{item.line}[/] does not fit: {_plain(_with_unit(item.line, item.stated))}"]
     lines.append(f"  this would: [bold]{_plain(_with_unit(item.line, item.proposed or ''))}[/]{remark}")
     if item.before is not None and item.after is not None:

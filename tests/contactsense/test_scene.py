@@ -98,6 +98,10 @@ def test_a_scene_file_gives_the_same_scene(tmp_path: Path) -> None:
             r"wrist_wrench.force_noise\?\), got 0.3$",
         ),
         (
+            {"robot": "ur5e", "base_wrench": {"noise": 0.3}},
+            r"^base_wrench.noise: unknown field \(did you mean base_wrench.force_noise or joint_torque.noise",
+        ),
+        (
             {"robot": "ur5e", "mounting": "floor"},
             "^mounting: expected table, ceiling, wall or roll, pitch, yaw in rad, got 'floor'$",
         ),

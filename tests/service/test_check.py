@@ -131,6 +131,7 @@ def test_units_of_a_recording_are_a_matter_of_its_columns(folder: Path) -> None:
     result = CliRunner().invoke(check, arguments)
     assert result.exit_code == 1
     assert "joint positions: unit does not fit" in result.output
+    assert "this would: deg (they are in degrees: --columns angle_unit=deg reads them)" in result.output
     assert CliRunner().invoke(check, [*arguments, "--columns", "angle_unit=deg"]).exit_code == 0
 
 
