@@ -2,6 +2,8 @@
 
 import gzip
 import io
+import math
+import re
 import zlib
 from collections.abc import Iterator
 from datetime import UTC, datetime
@@ -10,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.csv as pa_csv
 
 from contactsense.service.recordings.problems import Problem, RecordingError
@@ -19,6 +22,7 @@ _HEAD = 65536
 """Maximum length of the header line of a CSV file [bytes]."""
 _GZIP = b"\x1f\x8b"
 """The first bytes of a file that is packed with gzip."""
+_DECIMAL_COMMA = re.compile(rb"\d,\d")
 _OTHER_BEGINNINGS = {
     "{": "JSON",
     "[": "JSON",
@@ -55,7 +59,8 @@ class _Gzip(io.RawIOBase):
 
 
 class CsvTable:
-    """CSV as written by ur_rtde (commas) or by UR's own client (blanks), optionally compressed with gzip."""
+    """CSV as written by ur_rtde (commas), by UR's own client (blanks) or by spreadsheets (semicolons),
+    optionally compressed with gzip."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -67,7 +72,8 @@ class CsvTable:
             self._packed = file.read(len(_GZIP)) == _GZIP
         with self._open() as stream:
             # Spreadsheets begin a text in UTF-8 with a mark, which is no part of the first name.
-            head = (stream.read(_HEAD) or b"").split(b"\n", 1)[0].decode("utf-8-sig", "replace").strip()
+            first, _, rest = (stream.read(_HEAD) or b"").partition(b"\n")
+        head = first.decode("utf-8-sig", "replace").strip()
         if not head.replace("\t", "").isprintable():
             raise RecordingError(f"{path}: expected a table as text, got binary data")
         for beginning, found in _OTHER_BEGINNINGS.items():
@@ -76,12 +82,9 @@ class CsvTable:
                     f"{path}: expected CSV with a header line that names the columns, Parquet, Arrow, MCAP "
                     f"or rosbag2, got {found}: {head[:40]!r}"
                 )
-        if ";" in head and not {",", "\t", " "} & set(head):
-            raise RecordingError(
-                f"{path}: expected columns separated by commas, tabs or blanks, and decimal points, "
-                "got semicolons"
-            )
-        self._delimiter = "," if "," in head else "\t" if "\t" in head else " "
+        # Spreadsheets with decimal commas write semicolons between columns.
+        self._delimiter = next((mark for mark in ";,\t" if mark in head), " ")
+        self._decimal_commas = self._delimiter == ";" and _DECIMAL_COMMA.search(rest) is not None
         self.names = [name.strip().strip('"') for name in head.split(self._delimiter)]
         if not any(name and not _is_number(name) for name in self.names):
             raise RecordingError(f"{path}: expected a header line that names the columns, got {head[:60]!r}")
@@ -126,7 +129,9 @@ class CsvTable:
                 ),
                 parse_options=pa_csv.ParseOptions(delimiter=self._delimiter, invalid_row_handler=skip),
                 convert_options=pa_csv.ConvertOptions(
-                    include_columns=names, column_types=dict.fromkeys(names, kind)
+                    include_columns=names,
+                    column_types=dict.fromkeys(names, kind),
+                    decimal_point="," if self._decimal_commas else ".",
                 ),
             )
             while True:
@@ -144,7 +149,7 @@ class CsvTable:
         self.problems += rejected
 
     def _parsed(self, batch: pa.RecordBatch, names: list[str], first: int) -> Columns:
-        cells = {name: batch.column(name).to_pylist() for name in names}
+        cells = {name: self._cells(batch.column(name)) for name in names}
         columns = {name: np.array([_number(cell) for cell in cells[name]]) for name in names}
         bad = {name: _words(cells[name], columns[name]) for name in names}
         rows = set[int].intersection(*bad.values())  # such as units below the header
@@ -156,6 +161,12 @@ class CsvTable:
                 message = f"{name}: expected numbers, got {cells[name][begin]!r}"
                 self._report(first + begin, first + end, message)
         return columns
+
+    def _cells(self, column: pa.Array) -> list[str | None]:
+        if self._decimal_commas:
+            column = pc.replace_substring(column, ",", ".")
+        cells: list[str | None] = column.to_pylist()
+        return cells
 
     def _report(self, row_from: int, row_to: int, message: str) -> None:
         self.problems.append(Problem(row_from, row_to, "bad_row", message))
@@ -197,4 +208,4 @@ def _seconds(cell: str) -> float:
 
 
 def _is_number(text: str) -> bool:
-    return _number(text.strip('"')) == _number(text.strip('"'))
+    return not math.isnan(_number(text.strip('"').replace(",", ".")))

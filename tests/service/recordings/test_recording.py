@@ -180,11 +180,30 @@ def test_infinite_readings_are_missing(tmp_path: Path) -> None:
     ]  # fmt: skip
 
 
-def test_semicolons_are_named(tmp_path: Path) -> None:
-    path = as_csv(tmp_path, columns())
-    path.write_text(path.read_text().replace(",", ";").replace(".", ","), encoding="utf-8")
-    with pytest.raises(RecordingError, match=r"expected columns separated by commas, .*, got semicolons"):
-        read(path, SCENE)
+@pytest.mark.parametrize("point", [".", ","])
+@pytest.mark.parametrize("word", ["", "oops"])
+def test_semicolons_and_decimal_commas(tmp_path: Path, point: str, word: str) -> None:
+    """As spreadsheets write them; with a word, cells are read as text."""
+    found = columns()
+    head, first, *lines = text(found, ";").replace(".", point).splitlines()
+    if word:
+        first = first.rpartition(";")[0] + f";{word}"
+    (tmp_path / "a.csv").write_text("\n".join([head.replace("_0;", "_0 ;"), first, *lines]))
+    recording = read(tmp_path / "a.csv", SCENE)
+    np.testing.assert_array_equal(recording.t, found["timestamp"])
+    np.testing.assert_array_equal(recording.q, table(found, "actual_q"))
+    assert problem_lines(recording.problems) == (
+        (f"row 0: base_wrench_5: expected numbers, got '{word}'",) if word else ()
+    )
+
+
+def test_a_header_is_missed_where_commas_are_decimal(tmp_path: Path) -> None:
+    lines = text(columns(), ";").replace(".", ",").splitlines()
+    (tmp_path / "a.csv").write_text("\n".join(lines[1:]))
+    with pytest.raises(
+        RecordingError, match=r"expected a header line that names the columns, got '100,000000"
+    ):
+        read(tmp_path / "a.csv", SCENE)
 
 
 def test_a_time_that_can_be_none_in_any_unit_is_not_used(tmp_path: Path) -> None:
