@@ -190,16 +190,28 @@ def _base_sensor(scene: Scene, weight: ArmWeight, q: np.ndarray) -> tuple[Line, 
             f"at rest up to {largest[:3].max():.0f} N, {largest[3:].max():.0f} Nm on one axis, in any "
             f"posture: {limits}",
         ),
+        Line("", _in_motion(scene, "base_wrench")),
     )
 
 
-def _link_sensors(scene: Scene) -> tuple[Line, ...]:
-    found = [
-        Line(f"link_wrenches.{sensor.name}", _sensor(sensor, sensor.link)) for sensor in scene.link_wrenches
-    ]
+def _in_motion(scene: Scene, field: str) -> str:
+    """What the range of a sensor must exceed."""
+    largest = largest_reading_in_motion(scene, field)
+    return (
+        f"in motion up to {largest[:3].max():.3g} N, {largest[3:].max():.3g} Nm on one axis (every joint at "
+        f"full speed, reached or left within {RAMP_TIME:g} s); contacts come on top"
+    )
+
+
+def _link_sensors(scene: Scene) -> Iterator[Line]:
+    for sensor in scene.link_wrenches:
+        field = f"link_wrenches.{sensor.name}"
+        yield Line(field, _sensor(sensor, sensor.link))
+        yield Line("", _in_motion(scene, field))
     wrist = scene.wrist_wrench
-    found.append(Line("wrist_wrench", "none" if wrist is None else _sensor(wrist, "flange")))
-    return tuple(found)
+    yield Line("wrist_wrench", "none" if wrist is None else _sensor(wrist, "flange"))
+    if wrist is not None:
+        yield Line("", _in_motion(scene, "wrist_wrench"))
 
 
 def _sensor(sensor: WrenchSensor, frame: str) -> str:

@@ -1,12 +1,13 @@
 """What a scene is understood to say."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from contactsense import JointTorqueSensor, Scene, WrenchSensor, robots
+from contactsense import JointTorqueSensor, LinkWrenchSensor, Scene, WrenchSensor, robots
 from contactsense.plausibility.largest_reading import largest_reading_at_rest
 from contactsense.robots.robot import NO_MASS
 from contactsense.robots.tool import Tool
@@ -77,6 +78,25 @@ def test_a_range_that_the_arms_own_weight_or_motion_exceeds_is_warned_of() -> No
     assert [warning.split(" in ")[1][:2] for warning in in_motion] == ["fz", "mx", "my"]
     assert all("weight and motion reach (full speed within 0.5 s)" in warning for warning in in_motion)
     assert warnings(600.0, 400.0) == []
+
+
+def test_what_the_range_of_each_sensor_must_exceed_is_said_where_none_is_stated() -> None:
+    """For those who choose a sensor: a range below what is said is warned of, one above it is not."""
+    tool = Tool(mass=1.2, com=(0.0, 0.0, 0.06))
+    elbow = LinkWrenchSensor(name="elbow", link="forearm")
+    scene = Scene(robot=plain_ur5e(), tool=tool, wrist_wrench=WrenchSensor(), link_wrenches=(elbow,))
+    said = re.findall(r"in motion up to (\S+) N, (\S+) Nm on one axis", _text(scene))
+    assert len(said) == 3
+    for factor, warned in ((0.99, 3), (1.01, 0)):
+        ranges = [(factor * float(force), factor * float(moment)) for force, moment in said]
+        sensors = ("base_wrench", WrenchSensor()), ("link_wrenches", elbow), ("wrist_wrench", WrenchSensor())
+        update = {
+            field: sensor.model_copy(update={"range": limits})
+            for (field, sensor), limits in zip(sensors, ranges, strict=True)
+        }
+        ranged = scene.model_copy(update={**update, "link_wrenches": (update["link_wrenches"],)})
+        fields = {text.split(".range")[0] for text in scene_warnings(ranged) if ".range: " in text}
+        assert len(fields) == warned
 
 
 def test_a_wrist_range_that_the_tool_exceeds_is_warned_of() -> None:
