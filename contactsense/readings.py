@@ -7,7 +7,9 @@ import numpy as np
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.inverse_dynamics import inverse_dynamics
 from contactsense.kinematics.model import build_model, empty_motion
+from contactsense.plausibility.plausible_limits import PlausibleLimits
 from contactsense.robots.attribute_docs import with_attributes
+from contactsense.robots.units import in_metres
 from contactsense.scene import Scene
 from contactsense.scene_model.arm_model import model_with_tool
 from contactsense.scene_model.link_sensors import mounts
@@ -58,13 +60,21 @@ def forward_model(
         external: Whether to omit the arm's own weight, as `Localizer.locate` expects by default.
 
     Raises:
-        ValueError: the link is unknown, an argument has the wrong shape, or `normal` is missing.
+        ValueError: the link is unknown, an argument has the wrong shape, positions are beyond the joints'
+            limits and one turn or the point is more than 5 m from its frame, as with other units, or `normal`
+            is missing.
     """
     robot, joints = scene.robot, len(scene.robot.joints)
     if link not in scene.link_names:
         raise ValueError(f"link: expected one of {', '.join(scene.link_names)}, got {link!r}")
     q = checked_vector("q", q, joints, "rad")
     point, force = checked_vector("point", point, 3, "m"), checked_vector("force", force, 3, "N")
+    if (beyond := PlausibleLimits(scene).position(q)) is not None:
+        raise ValueError(f"q: {beyond.reason}")
+    try:
+        in_metres(tuple(point.tolist()))
+    except ValueError as error:
+        raise ValueError(f"point: {error}") from None
     if torsion != 0.0 and normal is None:
         raise ValueError("normal: expected the outward normal that torsion acts about, got none")
     index = scene.link_names.index(link)

@@ -7,6 +7,7 @@ import numpy as np
 from contactsense.detection.detectable_force import DETECTION
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import Motion, empty_motion
+from contactsense.plausibility.plausible_limits import PlausibleLimits
 from contactsense.robots.attribute_docs import with_attributes
 from contactsense.scene import Scene
 from contactsense.scene_model.constants import Constants, build_constants
@@ -143,6 +144,8 @@ def detectability(
         raise ValueError(f"every: expected at least 1, got {every!r}")
     joints = len(scene.robot.joints)
     q = checked_vector("q", q, joints, "rad")
+    if (beyond := PlausibleLimits(scene).position(q)) is not None:
+        raise ValueError(f"q: {beyond.reason}")
     constants, motion = build_constants(scene), empty_motion(joints)
     forward_kinematics(constants.model, q, motion)
     response = sensor_response(scene, constants, motion)

@@ -84,6 +84,11 @@ def test_a_sensor_that_the_scene_lacks_has_no_readings() -> None:
     [
         ({"link": "knee"}, "link: expected one of base, "),
         ({"point": np.zeros(2)}, r"point: expected shape \(3,\)"),
+        (
+            {"point": np.array([40.0, 0.0, 15.0])},
+            r"point: expected x, y, z in m, none above 5, got \[40.0, 0.0, 15.0\]; if these are mm: \[0.04, ",
+        ),
+        ({"q": np.array([0.0, -90.0, 90.0, 0.0, 0.0, 0.0])}, "q: .* got -90; are they in degrees"),
         ({"torsion": 1.0}, "normal: expected the outward normal"),
     ],
 )

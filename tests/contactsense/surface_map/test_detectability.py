@@ -163,11 +163,12 @@ def test_the_radius_holds_its_share() -> None:
         ({"detection": 1.0}, "detection: expected a probability between 0 and 1, got 1.0"),
         ({"friction": -0.1}, "friction: expected a coefficient of at least 0, got -0.1"),
         ({"every": 0}, "every: expected at least 1, got 0"),
+        ({"q": np.array([0.0, -90.0, 90.0, 0.0, 0.0, 0.0])}, "q: .* got -90; are they in degrees"),
     ],
 )
 def test_wrong_arguments_are_told(fields: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        detectability(scene(), Q, **fields)
+        detectability(scene(), **{"q": Q} | fields)
 
 
 @pytest.mark.slow
