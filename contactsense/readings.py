@@ -10,7 +10,7 @@ from contactsense.kinematics.model import build_model, empty_motion
 from contactsense.plausibility.plausible_limits import PlausibleLimits
 from contactsense.robots.attribute_docs import with_attributes
 from contactsense.robots.units import in_metres
-from contactsense.scene import Scene
+from contactsense.scene import Scene, check_scene
 from contactsense.scene_model.arm_model import model_with_tool
 from contactsense.scene_model.link_sensors import mounts
 from contactsense.scene_model.load_weight import LoadWeight
@@ -63,7 +63,9 @@ def forward_model(
         ValueError: the link is unknown, an argument has the wrong shape, positions are beyond the joints'
             limits and one turn or the point is more than 5 m from its frame, as with other units, or `normal`
             is missing.
+        TypeError: `scene` is none.
     """
+    check_scene(scene)
     robot, joints = scene.robot, len(scene.robot.joints)
     if link not in scene.link_names:
         raise ValueError(f"link: expected one of {', '.join(scene.link_names)}, got {link!r}")

@@ -46,7 +46,15 @@ from contactsense.sensors.settings import JointTorqueSensor, LinkInertia, LinkWr
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
-__all__ = ["JointTorqueSensor", "LinkWrenchSensor", "Scene", "SceneError", "WrenchSensor", "describe"]
+__all__ = [
+    "JointTorqueSensor",
+    "LinkWrenchSensor",
+    "Scene",
+    "SceneError",
+    "WrenchSensor",
+    "check_scene",
+    "describe",
+]
 
 MAX_LINK_WRENCHES = 8
 """Largest number of force/torque sensors between links: as many have flags of their own
@@ -324,3 +332,12 @@ class Scene(FileModel):
     def mounting_rpy(self) -> Vector:
         """Roll, pitch, yaw of the base about fixed world axes [rad]: what `mounting` stands for."""
         return _MOUNTINGS[self.mounting] if isinstance(self.mounting, str) else self.mounting
+
+
+def check_scene(scene: object) -> None:
+    """Raise a TypeError if an argument `scene` is none, such as a name or the path of a file."""
+    if not isinstance(scene, Scene):
+        raise TypeError(
+            "scene: expected a Scene, as in Scene(robot='ur5e') or Scene.load('scene.yaml'), got "
+            f"{scene!r:.60}"
+        )

@@ -22,7 +22,7 @@ from contactsense.runtime.measurement import DOUBTFUL, NOT_FINITE, UNTOUCHED
 from contactsense.runtime.parallel_batch import explain_rows
 from contactsense.runtime.result_rows import WIDTH
 from contactsense.runtime.state import empty_state
-from contactsense.scene import Scene
+from contactsense.scene import Scene, check_scene
 from contactsense.scene_model.constants import Constants, build_constants
 from contactsense.scene_model.skin_grids import skin_argument
 from contactsense.sensors.link_values import by_field
@@ -47,10 +47,7 @@ class StaticLocalizer:
         """Build everything that does not depend on a stream. Arguments and errors as for
         `contactsense.Localizer`."""
         self._progress = progress
-        if not isinstance(scene, Scene):
-            raise TypeError(
-                f"scene: expected a Scene, as in Localizer(Scene(robot='ur5e')), got {scene!r:.60}"
-            )
+        check_scene(scene)
         if method not in get_args(Method):
             raise ValueError(f"method: expected one of {', '.join(get_args(Method))}, got {method!r:.60}")
         if method == "intrinsic" and (scene.base_wrench is None or scene.contacts > 1):

@@ -9,7 +9,7 @@ from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import Motion, empty_motion
 from contactsense.plausibility.plausible_limits import PlausibleLimits
 from contactsense.robots.attribute_docs import with_attributes
-from contactsense.scene import Scene
+from contactsense.scene import Scene, check_scene
 from contactsense.scene_model.constants import Constants, build_constants
 from contactsense.scene_model.reading_limits import LARGEST_FORCE
 from contactsense.sensors.validation import checked_vector
@@ -130,7 +130,9 @@ def detectability(
 
     Raises:
         ValueError: an argument is wrong; the message names the field.
+        TypeError: `scene` is none.
     """
+    check_scene(scene)
     force = scene.force if force is None else force
     if not 0.0 < force <= LARGEST_FORCE:
         raise ValueError(

@@ -12,7 +12,7 @@ import pyarrow as pa
 
 from contactsense import BlockEstimates, Localizer, SampleBlock
 from contactsense.runtime.block_runner import MAX_BLOCK
-from contactsense.scene import Scene
+from contactsense.scene import Scene, check_scene
 from contactsense.service.analysis.contact_history import ContactCollector, ContactHistory
 from contactsense.service.analysis.contact_summary import ContactSummary
 from contactsense.service.analysis.contact_table import contact_table
@@ -111,8 +111,15 @@ def analyze(
 
     Raises:
         RecordingError: the file cannot be read or lacks a column.
+        TypeError: `recording` or `scene` is of another type.
     """
+    check_scene(scene)
     if not isinstance(recording, Recording | RecordingFile):
+        if not isinstance(recording, str | Path):
+            raise TypeError(
+                "recording: expected a Recording, as contactsense.service.recordings.read returns it, or the "
+                f"path of a file, got {type(recording).__name__}"
+            )
         recording = RecordingFile(recording, scene)
     tables: list[pa.Table] = []
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from contactsense.scene import Scene
+from contactsense.scene import Scene, check_scene
 from contactsense.sensors.link_values import as_fields
 from contactsense.service.recordings.bag_files import BagFile, is_bag
 from contactsense.service.recordings.cleaning import RowChecker
@@ -32,9 +32,13 @@ class RecordingFile:
 
     Raises:
         RecordingError: The file cannot be read, or lacks a column that the scene needs.
+        TypeError: `path` or `scene` is of another type.
     """
 
     def __init__(self, path: str | Path, scene: Scene, mapping: ColumnMapping | None = None) -> None:
+        if not isinstance(path, str | Path):
+            raise TypeError(f"path: expected that of a file, got {type(path).__name__}")
+        check_scene(scene)
         self.path = Path(path)
         self.name = str(path)
         self._scene, self._mapping = scene, mapping or ColumnMapping()

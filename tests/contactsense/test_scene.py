@@ -1,6 +1,8 @@
 """Scenes: from Python, from YAML, and what is said of wrong ones."""
 
 import pickle
+import re
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,7 +10,16 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from contactsense import JointTorqueSensor, Localizer, Scene, SceneError, WrenchSensor, robots
+from contactsense import (
+    JointTorqueSensor,
+    Localizer,
+    Scene,
+    SceneError,
+    WrenchSensor,
+    detectability,
+    forward_model,
+    robots,
+)
 from contactsense.robots.primitives import Sphere
 from contactsense.robots.tool import Tool
 from contactsense.scene import MAX_LINK_WRENCHES
@@ -166,11 +177,18 @@ def test_an_arm_built_in_python_is_not_loaded_again_as_the_library_arm_of_its_na
     assert Scene(**Scene(robot=arm).model_dump(mode="json")).robot == arm
 
 
-def test_a_name_is_no_scene() -> None:
-    with pytest.raises(
-        TypeError, match=r"expected a Scene, as in Localizer\(Scene\(robot='ur5e'\)\), got 'ur5e'"
-    ):
-        Localizer("ur5e")  # type: ignore[arg-type]
+@pytest.mark.parametrize(
+    "call",
+    [
+        Localizer,
+        lambda scene: forward_model(scene, np.zeros(6), "forearm", np.zeros(3), np.zeros(3)),
+        lambda scene: detectability(scene, np.zeros(6)),
+    ],
+)
+def test_a_name_is_no_scene(call: Callable[[object], object]) -> None:
+    told = "expected a Scene, as in Scene(robot='ur5e') or Scene.load('scene.yaml'), got 'ur5e'"
+    with pytest.raises(TypeError, match=re.escape(told)):
+        call("ur5e")
 
 
 def test_a_misspelled_method_is_refused() -> None:

@@ -99,6 +99,19 @@ def test_estimates_of_every_sample_are_those_of_the_localizer(analysis: Analysis
     assert links == [estimate.contacts[0].link if estimate.contacts else None for estimate in estimates]
 
 
+def test_what_is_no_recording_and_what_is_no_scene_is_told(tmp_path: Path) -> None:
+    with pytest.raises(TypeError, match=r"scene: expected a Scene, .*, got 'scene\.yaml'"):
+        analyze(tmp_path / "a.csv", "scene.yaml")  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match=r"scene: expected a Scene, .*, got 'scene\.yaml'"):
+        read(tmp_path / "a.csv", "scene.yaml")  # type: ignore[arg-type]
+    with pytest.raises(
+        TypeError, match=r"recording: expected a Recording, .* or the path of a file, got dict"
+    ):
+        analyze({}, Scene(robot="ur5e"))  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="path: expected that of a file, got dict"):
+        read({}, Scene(robot="ur5e"))  # type: ignore[arg-type]
+
+
 def test_the_table_is_written_as_parquet_and_csv(analysis: Analysis, tmp_path: Path) -> None:
     write_contacts(analysis.to_arrow(), tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["contacts.csv", "contacts.parquet"]
