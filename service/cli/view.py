@@ -12,7 +12,7 @@ import click
 from contactsense.scene import Scene, SceneError
 from contactsense.service.api.token_file import TokenError, read_token
 from contactsense.service.free_ports import reason
-from contactsense.service.recordings import RecordingError, scene_in
+from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError, scene_in
 from contactsense.service.viewer import READY
 from contactsense.service.viewer.analysis_source import AnalysisSource, is_analysis
 from contactsense.service.viewer.live_source import LiveSource
@@ -40,6 +40,10 @@ LESS_URGENT = 5
     type=click.Path(path_type=Path),
     help="Scene file (YAML).  [default: that of the service or recording]",
 )
+@click.option(
+    "--columns",
+    help="With FILE: names and units of columns or topics, as q=joint,time_unit=ms or a YAML file.",
+)
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to serve the page at.")
 @click.option(
     "--port",
@@ -54,6 +58,7 @@ def view(
     token_file: Path | None,
     acknowledge: bool,
     scene_path: Path | None,
+    columns: str | None,
     host: str,
     port: int,
 ) -> int:
@@ -64,6 +69,8 @@ def view(
     """
     if file is not None and (url is not None or token_file is not None or acknowledge):
         raise click.UsageError("FILE: expected no --url, --token-file or --acknowledge beside it")
+    if columns is not None and (file is None or is_analysis(file)):
+        raise click.UsageError("--columns: expected FILE, a recording, beside it")
     if acknowledge and host not in LOCAL:
         raise click.UsageError(
             "--acknowledge: expected --host 127.0.0.1 beside it: whoever opens the page can press the button"
@@ -77,13 +84,13 @@ def view(
             token = None if token_file is None else read_token(token_file)
             _live(URL if url is None else url, token, acknowledge, scene, host, port, over)
         else:
-            source = _recorded(file, scene)
+            source = _recorded(file, scene, ColumnMapping.parse(columns))
             page = _page(host, port)
             viewer = Viewer(page, source.scene)
             viewer.add_controls(source.title, source.add_controls)
             run(lambda: viewer.draw(source.frame(), source.note()), over)
             viewer.close()
-    except (SceneError, LiveError, RecordingError, TokenError) as error:
+    except (SceneError, LiveError, RecordingError, MappingError, TokenError) as error:
         raise click.ClickException(str(error)) from None
     return 0
 
@@ -115,12 +122,12 @@ def _give_way(url: str) -> None:
         os.nice(LESS_URGENT)
 
 
-def _recorded(file: Path, scene: Scene | None) -> RecordedSource | AnalysisSource:
+def _recorded(file: Path, scene: Scene | None, mapping: ColumnMapping) -> RecordedSource | AnalysisSource:
     if is_analysis(file):
         return AnalysisSource(file, scene)
     scene = scene_in(file) if scene is None else scene
     click.echo(f"{file}: the estimates are being computed", err=True)
-    return RecordedSource(file, scene)
+    return RecordedSource(file, scene, mapping)
 
 
 def _page(host: str, port: int) -> PageServer:

@@ -10,7 +10,7 @@ import numpy as np
 
 from contactsense import BlockEstimates, Estimate, Event, Localizer, SampleBlock
 from contactsense.scene import Scene
-from contactsense.service.recordings import RecordingError, RecordingFile
+from contactsense.service.recordings import ColumnMapping, RecordingError, RecordingFile
 from contactsense.service.viewer.frame import HISTORY, TRACKS, Forces, Frame, forces_of
 
 RATE = 50.0
@@ -54,6 +54,7 @@ class Playback:
         cls,
         scene: Scene,
         path: str | Path,
+        mapping: ColumnMapping | None = None,
         *,
         progress: Callable[[int], object] | None = None,
         localizer: Localizer | None = None,
@@ -63,13 +64,14 @@ class Playback:
         Args:
             scene: The arm, its mounting and its sensors.
             path: Any recording that `contactsense.service.recordings.RecordingFile` reads.
+            mapping: Names of its columns and topics, and units; None: the defaults.
             progress: Called with the number of samples done since it was last called.
             localizer: A localizer of the same scene to reuse.
 
         Raises:
             RecordingError: the file cannot be read, or lacks a column.
         """
-        file = RecordingFile(path, scene)
+        file = RecordingFile(path, scene, mapping)
         run = _Run(localizer or Localizer(scene))
         blocks = (block for part in file.blocks() for block in part.sample_blocks(_BLOCK))
         for count in run.blocks(blocks):

@@ -7,6 +7,7 @@ from typing import Any
 import viser
 
 from contactsense.scene import Scene
+from contactsense.service.recordings import ColumnMapping
 from contactsense.service.viewer.controls import set_value
 from contactsense.service.viewer.frame import Frame
 from contactsense.service.viewer.playback import Playback
@@ -26,14 +27,19 @@ class RecordedSource:
     title = "Recording"
     """Label of its controls."""
 
-    def __init__(self, path: Path, scene: Scene) -> None:
+    def __init__(self, path: Path, scene: Scene, mapping: ColumnMapping | None = None) -> None:
         """Read and estimate the recording; it stands at its beginning.
+
+        Args:
+            path: Of the recording.
+            scene: The arm, its mounting and its sensors.
+            mapping: Names of columns and topics, and units; None: the defaults.
 
         Raises:
             RecordingError: The file cannot be read.
         """
         self.scene = scene
-        self._playback = Playback.open(scene, path)
+        self._playback = Playback.open(scene, path, mapping)
         self._clock = PlaybackClock(self._playback.duration)
         self._name = path.name
         self._slider: viser.GuiInputHandle[float] | None = None

@@ -1,8 +1,10 @@
 """`contactsense view` tells in one line what it cannot show; contacts of an analysis."""
 
+import socket
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as pa_parquet
 import pytest
 from click.testing import CliRunner
 
@@ -14,6 +16,7 @@ from contactsense.service.cli.view import view
 from contactsense.service.recordings import RecordingError
 from contactsense.service.viewer.analysis_source import AnalysisSource, is_analysis
 from contactsense.service.viewer.viewer import Viewer, serve_page
+from tests.service.analysis.recordings import demo, write_motion
 from tests.service.viewer.estimates import POSTURE, contact
 
 SCENE = Scene(robot="ur5e")
@@ -32,6 +35,8 @@ SCENE = Scene(robot="ur5e")
         (("--token-file", "nowhere"), "--token-file: nowhere cannot be read: No such file or directory"),
         (("--url", ""), "--url: expected one such as"),
         (("a.parquet", "--url", "http://x"), "FILE: expected no --url, --token-file or --acknowledge"),
+        (("--columns", "q=joint"), "--columns: expected FILE, a recording, beside it"),
+        (("a.csv", "--columns", "foo=joint"), "column mapping: foo: unknown field"),
         (("--acknowledge", "--host", "0.0.0.0"), "--acknowledge: expected --host 127.0.0.1 beside it"),
     ],
 )
@@ -43,6 +48,21 @@ def test_what_cannot_be_shown_is_told(
     assert result.exit_code in (1, 2)
     assert complaint in result.output
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_recording_with_other_names_is_read(tmp_path: Path) -> None:
+    """What is missing is told with an option that the command has; the page comes after the recording."""
+    written = write_motion(demo(), tmp_path / "demo.parquet", last=200)
+    table = pa_parquet.read_table(written)
+    names = [name.replace("actual_q_", "joint_") for name in table.column_names]
+    pa_parquet.write_table(table.rename_columns(names), written)
+    (tmp_path / "scene.yaml").write_text("robot: ur5e\n")
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        arguments = [str(written), "--scene", str(tmp_path / "scene.yaml"), "--port", str(port)]
+        assert "--columns q=NAME names another" in CliRunner().invoke(view, arguments).output
+        read = CliRunner().invoke(view, [*arguments, "--columns", "q=joint"]).output
+    assert f"cannot serve at 127.0.0.1:{port}: Address already in use" in read
 
 
 def test_the_missing_extra_is_named() -> None:
