@@ -11,7 +11,6 @@ from click.core import ParameterSource
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from contactsense.calibration.free_motion import without_delays
 from contactsense.scene import Scene, SceneError
 from contactsense.service.api.sample_source import reader_settings
 from contactsense.service.api.scene_file import load_scene
@@ -164,6 +163,9 @@ def _convert(origin: Path, out: Path, scene_path: Path | None, columns: str | No
     if out.exists() and origin.exists() and out.samefile(origin):
         # The new file has only the columns that were read.
         raise click.ClickException(f"--out: expected another file than that of --from, got {out}")
+    # Loading the calibration takes longer than all else, and a live recording does not need it.
+    from contactsense.calibration.free_motion import without_delays
+
     scene = scene_in(origin) if scene_path is None else Scene.load(scene_path)
     # What is written has the sensors' delays, too.
     recording = read(origin, without_delays(scene), ColumnMapping.parse(columns))

@@ -1,5 +1,7 @@
 """`contactsense record` against the mock arm, and as a converter."""
 
+import subprocess
+import sys
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -38,6 +40,12 @@ def mock() -> Iterator[tuple[Motion, list[str]]]:
             ["--robot-host", host, "--robot-port", robot, "--ft-host", host, "--ft-port", readings,
              "--ft-http-port", page],
         )  # fmt: skip
+
+
+def test_a_live_recording_begins_without_loading_the_calibration() -> None:
+    code = "import sys, contactsense.service.cli.record; print('contactsense.calibration' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "False\n"
 
 
 @pytest.mark.realtime
