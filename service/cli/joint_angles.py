@@ -1,13 +1,13 @@
 """Joint angles as an option of a command: degrees, separated by commas."""
 
-from math import isfinite
+from math import degrees, isfinite, pi
 
 import click
 import numpy as np
 
 
 def joint_angles(option: str, text: str, joints: int) -> np.ndarray:
-    """Parse the joint angles of an arm.
+    """Parse the joint angles of an arm. If they look like radians, a warning goes to standard error.
 
     Args:
         option: Name of the option, for errors.
@@ -28,4 +28,8 @@ def joint_angles(option: str, text: str, joints: int) -> np.ndarray:
         raise click.UsageError(
             f"{option}: expected {joints} angles in degrees, separated by commas, got {text!r}"
         )
+    # Postures in degrees are seldom that small, and then seldom have decimals.
+    if max(map(abs, angles)) <= 2.0 * pi and not all(angle.is_integer() for angle in angles):
+        meant = ",".join(f"{degrees(angle):.4g}" for angle in angles)
+        click.echo(f"warning: {option}: degrees are expected; if {text} is in rad: {meant}", err=True)
     return np.asarray(np.radians(angles))
