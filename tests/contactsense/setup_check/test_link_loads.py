@@ -31,6 +31,7 @@ def test_a_load_on_the_forearm_is_named_with_its_mass_and_place() -> None:
     np.testing.assert_allclose(yaml.safe_load(said[2]), PLACE, atol=0.06)
 
 
+@pytest.mark.slow
 def test_the_proposed_inertia_cures_the_scene() -> None:
     case = _loaded("forearm", 2.5)
     (item,) = check(case.scene, [case.recording]).wrong
