@@ -17,6 +17,7 @@ from contactsense.calibration import Calibration, CalibrationError, FreeMotion, 
 from contactsense.calibration import calibrate as run
 from contactsense.plausibility.plausible_limits import PlausibleLimits
 from contactsense.robots.file_references import moved
+from contactsense.robots.whole_file import write_text
 from contactsense.scene import Scene, SceneError
 from contactsense.service.cli.calibration_doubts import doubts
 from contactsense.service.cli.calibration_page import Section, channels, page, reasons_against
@@ -99,7 +100,7 @@ def calibrate(
 
             write_report(report, found, sections, stretches, scene)
         if target is not None:
-            target.write_text(scene_text(path, found.scene, target), encoding="utf-8")
+            write_text(target, scene_text(path, found.scene, target))
     except ImportError as error:
         raise click.ClickException(
             f"plots need matplotlib: pip install contactsense[geometry] ({error})"

@@ -14,6 +14,7 @@ from rich.table import Table
 
 from contactsense.robots import Robot, RobotError
 from contactsense.robots.library import URDF_SUFFIXES
+from contactsense.robots.whole_file import write_text
 from contactsense.service.analysis.fleet.worker_pool import WorkerPoolError, run_tasks
 from contactsense.service.cli.finite_range import FiniteRange
 from contactsense.service.cli.measured_surface import measured_again
@@ -184,7 +185,7 @@ def _write(text: str, out: Path | None) -> None:
         if out is None:
             click.echo(text, nl=False)
         else:
-            out.write_text(text, encoding="utf-8")
+            write_text(out, text)
     except OSError as error:
         raise click.ClickException(str(error)) from error
 

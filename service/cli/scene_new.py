@@ -10,6 +10,7 @@ import click
 
 from contactsense import robots
 from contactsense.robots.file_references import moved
+from contactsense.robots.whole_file import write_text
 from contactsense.scene import LinkPrior, Scene, SceneError
 from contactsense.sensors.settings import JointTorqueSignal
 from contactsense.service.scene.commented_yaml import commented_yaml
@@ -99,7 +100,7 @@ def new(path: Path, force: bool, **given: Any) -> None:
     except SceneError as error:
         raise click.ClickException(str(error)) from None
     try:
-        path.write_text(commented_yaml(moved(content, Path(), path.parent)), encoding="utf-8")
+        write_text(path, commented_yaml(moved(content, Path(), path.parent)))
     except OSError as error:
         raise click.ClickException(f"{path}: cannot write: {error.strerror}") from None
     click.echo(f"{path}: written; `contactsense scene show {path}` says what it means")
