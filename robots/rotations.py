@@ -1,7 +1,7 @@
 """Rotations in the notation of robot files, and matrices of vectors and tensors."""
 
 from collections.abc import Sequence
-from math import cos, sin
+from math import atan2, cos, hypot, sin
 
 import numpy as np
 
@@ -17,6 +17,19 @@ def rotation_from_rpy(rpy: Sequence[float]) -> np.ndarray:
             [-sp, cp * sr, cp * cr],
         ]
     )
+
+
+_LOCKED = 1e-9
+"""Roll and yaw turn about the same axis where the cosine of the pitch is smaller."""
+
+
+def rpy_from_rotation(rotation: np.ndarray) -> tuple[float, float, float]:
+    """Roll, pitch, yaw [rad] of a rotation matrix (3, 3); yaw is zero where it cannot be told from roll."""
+    R, cosine = rotation, hypot(rotation[0, 0], rotation[1, 0])
+    pitch = atan2(-R[2, 0], cosine)
+    if cosine < _LOCKED:
+        return atan2(-R[1, 2], R[1, 1]), pitch, 0.0
+    return atan2(R[2, 1], R[2, 2]), pitch, atan2(R[1, 0], R[0, 0])
 
 
 def rotation_from_vector(turn: np.ndarray | Sequence[float]) -> np.ndarray:

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from contactsense import LinkWrenchSensor, Scene, WrenchSensor
 from contactsense.calibration import FreeMotion
+from contactsense.robots.rotations import rpy_from_rotation
 from contactsense.setup_check import Line
 
 WRIST, ELBOW = "wrist_wrench", "link_wrenches.elbow"
@@ -65,7 +66,7 @@ def _link_turned(
 ) -> tuple[Scene, FreeMotion]:
     turn = Rotation.from_rotvec(np.pi / 2.0 * rng.choice([-1.0, 1.0]) * np.eye(3)[int(rng.integers(3))])
     rotation = Rotation.from_matrix(scene.link_sensors[field].rotation) * turn
-    return _link(scene, field, rpy=tuple(rotation.as_euler("xyz").tolist())), recording
+    return _link(scene, field, rpy=rpy_from_rotation(rotation.as_matrix())), recording
 
 
 def _link_moved(

@@ -20,6 +20,7 @@ from contactsense.benchmarks.calibration.link_sensor_draws import (
 from contactsense.benchmarks.calibration.simulate import Motion, arm_of, simulate
 from contactsense.calibration import FreeMotion
 from contactsense.calibration.fourier_trajectory import FourierTrajectory
+from contactsense.robots.rotations import rpy_from_rotation
 from contactsense.robots.tool import Tool
 from contactsense.sensors.settings import Friction, LinkInertia
 from contactsense.setup_check import Line
@@ -187,7 +188,7 @@ def _turned(scene: Scene, recording: FreeMotion, rng: np.random.Generator) -> tu
     assert scene.base_wrench is not None
     turn = Rotation.from_rotvec(np.pi / 2.0 * rng.choice([-1.0, 1.0]) * np.eye(3)[int(rng.integers(3))])
     rotation = Rotation.from_matrix(scene.base_wrench.rotation) * turn
-    return _base(scene, rpy=tuple(rotation.as_euler("xyz").tolist())), recording
+    return _base(scene, rpy=rpy_from_rotation(rotation.as_matrix())), recording
 
 
 def _swapped(scene: Scene, recording: FreeMotion, rng: np.random.Generator) -> tuple[Scene, FreeMotion]:

@@ -11,6 +11,7 @@ from contactsense.calibration.contact_test import SuspectedContact
 from contactsense.calibration.noise_estimation import NoiseLevels
 from contactsense.calibration.parameters import Entry
 from contactsense.kinematics.regressor import bodies_of
+from contactsense.robots.rotations import rpy_from_rotation
 from contactsense.robots.tool import Tool
 from contactsense.scene import Scene
 from contactsense.sensors.settings import (
@@ -190,7 +191,9 @@ def _wrench(arm: CalibrationModel, field: str, noise: tuple[float, float]) -> Wr
         update={
             "bias": tuple(_round(bias)),
             "delay": _round(np.array([delay]))[0],
-            "rpy": tuple(_round(turned.as_euler("xyz"))) if turn.any() else sensor.rpy,
+            "rpy": tuple(_round(np.array(rpy_from_rotation(turned.as_matrix()))))
+            if turn.any()
+            else sensor.rpy,
             "translation": tuple(_round(np.array(sensor.translation) + shift)),
             "force_noise": _round(np.array(noise))[0],
             "moment_noise": _round(np.array(noise))[1],
@@ -201,4 +204,4 @@ def _wrench(arm: CalibrationModel, field: str, noise: tuple[float, float]) -> Wr
 def _mounting(arm: CalibrationModel) -> tuple[float, ...]:
     """Roll, pitch, yaw of the base in the world that give the estimated direction of gravity."""
     orientation = arm.scene.orientation * Rotation.from_rotvec(arm.tilt).inv()
-    return tuple(_round(orientation.as_euler("xyz")))
+    return tuple(_round(np.array(rpy_from_rotation(orientation.as_matrix()))))

@@ -4,6 +4,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from contactsense.kinematics.regressor import bodies_of
+from contactsense.robots.rotations import rpy_from_rotation
 from contactsense.scene import Scene
 from contactsense.setup_check.hypotheses import (
     mounting_mistakes,
@@ -193,7 +194,7 @@ def _frame(setup: SensorSetup, scene: SensorSetup) -> tuple[str, str]:
                     axis = np.round(vector / np.abs(vector).max())
                     remark = f"turned by {degrees:.0f} degrees about {_axis(axis)}"
                 break
-    return _vector(Rotation.from_matrix(rotation).as_euler("xyz"), 4), remark
+    return _vector(np.array(rpy_from_rotation(rotation)), 4), remark
 
 
 def _axis(axis: np.ndarray) -> str:

@@ -7,6 +7,7 @@ import numpy as np
 from contactsense.robots.decomposition.least_squares_fit import Bodies
 from contactsense.robots.primitives import Box, Capsule, Cylinder, Ellipsoid, Primitive, Sphere, Vector
 from contactsense.robots.robot import Inertia
+from contactsense.robots.rotations import rpy_from_rotation
 from contactsense.robots.surface.convex_primitives import ELLIPSOID, REVOLVED
 
 _TINY = 2e-5
@@ -67,9 +68,7 @@ def _vector(values: Iterable[float]) -> Vector:
 
 def _rpy(rotation: np.ndarray) -> Vector:
     """Roll, pitch, yaw about fixed axes of a rotation matrix [rad]."""
-    pitch = float(np.arctan2(-rotation[2, 0], np.hypot(rotation[0, 0], rotation[1, 0])))
-    roll = float(np.arctan2(rotation[2, 1], rotation[2, 2]))
-    yaw = float(np.arctan2(rotation[1, 0], rotation[0, 0]))
+    roll, pitch, yaw = rpy_from_rotation(rotation)
     return round(roll, 4) + 0.0, round(pitch, 4) + 0.0, round(yaw, 4) + 0.0
 
 

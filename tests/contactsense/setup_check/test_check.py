@@ -11,12 +11,13 @@ from contactsense import JointTorqueSensor, Scene
 from contactsense.benchmarks.calibration.recordings import read
 from contactsense.benchmarks.calibration.setup_draws import Settings, right_setup, wrong_setup
 from contactsense.calibration import FreeMotion
+from contactsense.robots.rotations import rotation_from_rpy
 from contactsense.robots.tool import Tool
 from contactsense.setup_check import CheckError, SetupCheck, check, lines
 from contactsense.setup_check.changes import tolerance
 from contactsense.setup_check.fit import Fitter
 from contactsense.setup_check.motion_basis import MotionBases, Readings
-from contactsense.setup_check.proposals import roll_and_pitch
+from contactsense.setup_check.proposals import roll_and_pitch, written
 from contactsense.setup_check.setup import BASE, Free, Setup
 from contactsense.setup_check.signal_findings import velocity_finding
 from contactsense.setup_check.unexplained import unexplained_signals
@@ -77,6 +78,16 @@ def test_two_wrong_lines_are_both_named() -> None:
     heavier = case.scene.tool.model_copy(update={"mass": case.scene.tool.mass + 2.0})
     found = check(case.scene.model_copy(update={"tool": heavier}), [case.recording])
     assert [item.line for item in found.wrong] == ["joint positions: unit", "tool.mass"]
+
+
+def test_the_frame_of_an_upright_sensor_is_written_without_a_warning() -> None:
+    """Its x axis points up: roll and yaw turn about the same axis."""
+    scene = Scene(robot="ur5e")
+    turned = Setup.of(scene).with_sensor(BASE, rotation=rotation_from_rpy((0.0, -np.pi / 2.0, 0.0)))
+    assert written("base_wrench.rpy", turned, scene) == (
+        "[0, -1.5708, 0]",
+        "turned by 90 degrees about -y",
+    )
 
 
 def test_torques_that_are_too_large_are_no_signal_that_a_scene_could_state() -> None:
