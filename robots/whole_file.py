@@ -7,6 +7,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+_IN_PLACE_ONLY = (errno.EACCES, errno.EPERM, errno.EBUSY)
+"""Errors where the folder may not be changed, as with a single file that is mounted into a container."""
+
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
@@ -20,19 +23,17 @@ def whole_file(path: Path) -> Iterator[Path]:
         unfinished.unlink(missing_ok=True)
 
 
-_IN_PLACE_ONLY = (errno.EACCES, errno.EPERM, errno.EBUSY)
-"""Errors where the folder may not be changed, as with a single file that is mounted into a container."""
-
-
 def write_text(path: Path, text: str) -> None:
     """Write a file of the user's own, such as a scene: it keeps its mode, and a link stays one.
 
     Raises:
-        OSError: It cannot be written, with its path as `filename`. What was there before is still there.
+        OSError: It cannot be written, with its path as `filename`. What was there before is still there,
+            unless the folder may not be changed, so that the file itself had to be.
     """
     target = path.resolve()
     try:
-        if target.exists() and not target.is_file():
+        # Where the folder may be changed, a file that may not be would be replaced.
+        if target.exists() and not (target.is_file() and os.access(target, os.W_OK)):
             target.write_text(text, encoding="utf-8")
             return
         try:

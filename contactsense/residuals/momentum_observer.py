@@ -217,8 +217,11 @@ def advance(
 
 @kernel
 def advance_all(state: MomentumObserver, momentum: np.ndarray, drift: np.ndarray, step: Step) -> None:
-    """`advance` for all k equations; `momentum`, `drift`: shape (k,). With hundreds of them in vector
-    instructions, in a quarter of the time."""
+    """`advance` for all k equations; `momentum`, `drift`: shape (k,).
+
+    The formula stands here again, without a branch and with the rows of the state as arrays of their own:
+    only so is it compiled to vector instructions, which take a quarter of the time.
+    """
     a, b0, b1, b2, b3, K = step
     residual, last = state.residual, state.momentum
     g0, g1, g2 = state.integrand[0], state.integrand[1], state.integrand[2]

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import lu_factor, lu_solve
 
 from contactsense.calibration.parameters import inertial_scales
 from contactsense.scene import JointTorqueSensor, Scene
@@ -286,8 +286,9 @@ class Fitter:
             precision[biases] = 2.0 / (1.0 + values[biases] ** 2)
             H = ((weight / variance) @ G.reshape(len(G), -1)).reshape(G.shape[1:])
             H[diagonal] += precision
-            factor = cho_factor(H, check_finite=False)
-            values = cho_solve(factor, (weight / variance) @ b, check_finite=False)
+            # In wrong units, rows weigh up to 1e14 times the prior: a Cholesky decomposition might fail.
+            factor = lu_factor(H, check_finite=False)
+            values = lu_solve(factor, (weight / variance) @ b, check_finite=False)
             residual = y - (A.reshape(-1, len(values)) @ values).reshape(y.shape)
             variance = np.maximum(np.mean(residual**2, axis=1), floor)
         full = np.full(error.shape, np.nan)
@@ -343,8 +344,8 @@ class _Solved:
     variance: np.ndarray
     values: np.ndarray
     """Free parameters, then nuisances in units of their priors."""
-    factor: tuple[np.ndarray, bool]
-    """Of their precision, in units of their priors (`scipy.linalg.cho_factor`)."""
+    factor: tuple[np.ndarray, np.ndarray]
+    """Of their precision, in units of their priors (`scipy.linalg.lu_factor`)."""
     residual: np.ndarray
     biases: Mapping[str, int]
     """First of the six values of each force/torque sensor's bias."""
@@ -352,7 +353,7 @@ class _Solved:
     @property
     def spread(self) -> np.ndarray:
         """Standard deviations of the values, in units of their priors."""
-        covariance = cho_solve(self.factor, np.eye(len(self.values)), check_finite=False)
+        covariance = lu_solve(self.factor, np.eye(len(self.values)), check_finite=False)
         return np.asarray(np.sqrt(np.diag(covariance)))
 
 

@@ -79,8 +79,10 @@ def searched(fitter: Fitter, hypotheses: Hypotheses, stated: Setup, progress: Ca
             change = change_of(best, setup)
             pair = None
             if found is None and best.hypothesis.absorbed:
+                # Beside another arm and a forgotten tool, a load far beyond what a link carries explains most
+                # alone, and leaves residuals that are not conspicuous.
                 paired = True
-                pair = _better_pair(fitter, hypotheses, stated, _seeds(firsts, (), _MORE_FIRSTS), best.fit)
+                pair = _pair(fitter, hypotheses, stated, _seeds(firsts, (), _MORE_FIRSTS), best.fit)
             if pair is not None:
                 found = pair
             elif found is None:
@@ -105,27 +107,10 @@ def searched(fitter: Fitter, hypotheses: Hypotheses, stated: Setup, progress: Ca
 def _pair(
     fitter: Fitter, hypotheses: Hypotheses, stated: Setup, firsts: tuple[Change, ...], now: Fit
 ) -> Explanation | None:
-    """Two lines that explain what `now`, with one change or none, does not; None: there are none."""
-    fitter.effective[:] = 1.0
-    options = pairs(fitter, hypotheses, stated, firsts)
-    if not options:
-        return None
-    best = min(options, key=lambda option: fitter.cost(option.fit))
-    if _far(fitter, best.fit):
-        return None
-    fitter.set_effective_rows(best.fit.residual)
-    if fitter.cost(now) - fitter.cost(best.fit) < sum(map(needed, best.lines)):
-        return None
-    return exchanged(fitter, hypotheses, stated, best.changes)
+    """Two lines that explain what `now`, with one change or none, does not; None: there are none.
 
-
-def _better_pair(
-    fitter: Fitter, hypotheses: Hypotheses, stated: Setup, firsts: tuple[Change, ...], load: Fit
-) -> Explanation | None:
-    """Two lines that explain the readings clearly better than a load on a link; None: there are none.
-
-    Beside another arm and a forgotten tool, a load far beyond what a link carries explains most alone, and
-    leaves residuals that are not conspicuous.
+    There are none where they are better than `now` by less than they need together, or where residuals far
+    beyond the noise remain.
     """
     effective = fitter.effective.copy()
     fitter.effective[:] = 1.0
@@ -133,7 +118,8 @@ def _better_pair(
     if options:
         best = min(options, key=lambda option: fitter.cost(option.fit))
         fitter.set_effective_rows(best.fit.residual)
-        if fitter.cost(load) - fitter.cost(best.fit) > EXCLUDED:
+        gain = fitter.cost(now) - fitter.cost(best.fit)
+        if not _far(fitter, best.fit) and gain >= sum(map(needed, best.lines)):
             return exchanged(fitter, hypotheses, stated, best.changes)
     fitter.effective[:] = effective
     return None

@@ -66,3 +66,15 @@ def test_a_text_in_a_folder_that_may_not_be_changed(tmp_path: Path, monkeypatch:
 def test_a_device_is_written_to() -> None:
     write_text(Path("/dev/null"), "text")
     assert Path("/dev/null").is_char_device()
+
+
+def test_a_file_that_may_not_be_written_is_not_replaced(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is written to as it is, which the system refuses to all but root."""
+    path = tmp_path / "scene.yaml"
+    path.write_text("before")
+    kept = path.stat().st_ino
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    write_text(path, "after")
+    assert path.stat().st_ino == kept

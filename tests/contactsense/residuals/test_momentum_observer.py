@@ -20,6 +20,8 @@ from contactsense.residuals.equations_of_motion import (
 from contactsense.residuals.joint_friction import joint_torque_model
 from contactsense.residuals.momentum_observer import (
     MomentumObserver,
+    advance,
+    advance_all,
     empty_observer,
     noise_variance_ratio,
     start_step,
@@ -208,3 +210,18 @@ def test_at_a_late_sample_the_integrand_is_a_straight_line() -> None:
     assert a == pytest.approx(np.exp(-K * dt))
     assert weights[0] + weights[1] == pytest.approx(np.trapezoid(kernel, s), rel=1e-6)
     assert weights[0] * dt == pytest.approx(np.trapezoid(kernel * s, s), rel=1e-6)
+
+
+def test_all_equations_at_once_are_those_one_by_one() -> None:
+    """Through a start, steps of any length and a restart."""
+    rng = np.random.default_rng(3)
+    one, all_ = empty_observer(19), empty_observer(19)
+    for dt in (0.0, 0.01, 0.02, 0.008, 0.05, 0.01, 0.0, 0.01, 0.01):
+        h, drift = rng.normal(size=(2, 19))
+        step = start_step(one, dt, 5.0)
+        for i in range(19):
+            advance(one, i, h[i], drift[i], step)
+        advance_all(all_, h, drift, start_step(all_, dt, 5.0))
+        np.testing.assert_allclose(all_.residual, one.residual, rtol=1e-12, atol=1e-13)
+    np.testing.assert_array_equal(all_.momentum, one.momentum)
+    np.testing.assert_allclose(all_.integrand, one.integrand, rtol=1e-14)
