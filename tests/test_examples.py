@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 
 import contactsense
+from contactsense.service.mock.script import Script
+from contactsense.service.mock.simulated_arm import simulate
 
 ROOT = Path(__file__).parents[1]
 pytestmark = pytest.mark.slow
@@ -55,6 +57,20 @@ def test_half_of_the_arguments_is_no_simulation(name: str) -> None:
 def test_a_robot_that_is_not_there_is_told() -> None:
     with pytest.raises(AssertionError, match=r"no samples: .*127\.0\.0\.1:30004"):
         _run("02_live_loop.py", "127.0.0.1", "127.0.0.1")
+
+
+@pytest.mark.realtime
+def test_own_controller() -> None:
+    lines = _run("05_own_controller.py").splitlines()
+    assert lines[0].startswith("links of the ur5e: base, ")
+    assert sum("onset" in line for line in lines) == 8
+    held = [line.split()[4].rstrip(",") for line in lines if "hold on" in line]
+    assert held == [touch.link for touch in simulate(Script.demo()).touches]
+
+
+def test_a_service_that_is_not_named_is_not_started() -> None:
+    with pytest.raises(AssertionError, match=r"expected ws://ADDRESS:PORT, or nothing"):
+        _run("05_own_controller.py", "ws://127.0.0.1:8000", "push")
 
 
 @pytest.mark.long
