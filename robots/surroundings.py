@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import ConfigDict, Field, PositiveFloat
 
+from contactsense.robots.deviation_table import DeviationTable
 from contactsense.robots.file_model import FileModel
 from contactsense.robots.primitives import Primitive, Vector
 from contactsense.robots.robot import NO_MASS, Link
@@ -35,6 +36,9 @@ class Body(FileModel):
     """Largest distance between an obstacle and the touching arm that errors of both places explain [m]."""
     primitives: Annotated[tuple[Primitive, ...], Field(min_length=1)]
     """Shape as a union of primitives, body's frame; docs/geometry.md lists the kinds [m]."""
+    deviation: DeviationTable = ""
+    """How far a pedestal's real surface is from the primitives, place by place: lines as `contactsense
+    decompose --as-body` writes them. Empty: the same everywhere, see `surface_error`."""
 
 
 def pack_bodies(bodies: Iterable[Body]) -> Surfaces:

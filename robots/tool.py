@@ -3,6 +3,7 @@
 import numpy as np
 from pydantic import ConfigDict, Field, NonNegativeFloat, field_validator
 
+from contactsense.robots.deviation_table import DeviationTable
 from contactsense.robots.file_model import FileModel
 from contactsense.robots.primitives import Primitive, Vector
 from contactsense.robots.principal_moments import check_principal_moments
@@ -28,6 +29,9 @@ class Tool(FileModel):
     """Inertia about the centre of mass, flange axes, as ixx, ixy, ixz, iyy, iyz, izz [kg m^2]."""
     primitives: tuple[Primitive, ...] = Field(default=())
     """Surface, flange frame [m]; without, the tool cannot be touched. docs/geometry.md lists the kinds."""
+    deviation: DeviationTable = ""
+    """How far the real surface is from the primitives, place by place: lines as `contactsense decompose
+    --as-tool` writes them. Empty: the same everywhere, see `surface_error`."""
 
     @field_validator("tensor")
     @classmethod

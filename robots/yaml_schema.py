@@ -6,7 +6,7 @@ convex primitives of each link, which `contactsense decompose` writes.
 
 from collections import Counter
 from dataclasses import replace
-from math import hypot, inf, isfinite, radians
+from math import hypot, inf, radians
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -23,13 +23,14 @@ from pydantic import (
 )
 
 from contactsense.robots import yaml_fields
+from contactsense.robots.deviation_table import read_cells
 from contactsense.robots.errors import RobotError
 from contactsense.robots.field_errors import joined, reasons
 from contactsense.robots.file_model import FileModel
 from contactsense.robots.primitive_extent import beyond
 from contactsense.robots.primitives import Primitive, Vector
 from contactsense.robots.principal_moments import check_principal_moments
-from contactsense.robots.robot import Inertia, Joint, Link, LocalDeviation, Robot
+from contactsense.robots.robot import Inertia, Joint, Link, Robot
 from contactsense.robots.rotations import rotation_from_rpy, symmetric
 from contactsense.robots.units import FURTHEST, in_metres, within_one_turn
 
@@ -38,8 +39,6 @@ Angles = Annotated[Vector, AfterValidator(within_one_turn)]
 Tensor = tuple[float, float, float, float, float, float]
 Entry = TypeVar("Entry", bound=BaseModel)
 Rotor = Annotated[float, Field(ge=0.0)]
-LARGEST_SHIFT = 500.0
-"""Largest distance of a skin from a primitive that stands for it [mm]."""
 
 
 class LinkEntry(FileModel):
@@ -136,11 +135,9 @@ class LinkSurface(FileModel):
     fine: tuple[Primitive, ...] = Field(min_length=1)
     coarse: tuple[Primitive, ...] = Field(min_length=1)
     fine_deviation: str = ""
-    """How far the real surface is from the fine primitives: a line for each place, with the number of the
-    primitive, the place [mm], and the standard deviations of distance [mm] and normal [degrees]."""
+    """How far the real surface is from the fine primitives, see `contactsense.robots.deviation_table`."""
     coarse_deviation: str = ""
-    """The same for the coarse primitives; each line goes on with the mean shift [mm] and the mean rotation
-    vector [degrees] of the surface."""
+    """The same for the coarse primitives, with the mean motion of the surface."""
 
     @model_validator(mode="after")
     def _is_in_metres(self) -> "LinkSurface":
@@ -153,7 +150,7 @@ class LinkSurface(FileModel):
     def _deviations_are_of_primitives(self) -> "LinkSurface":
         for name, level in (("fine_deviation", self.fine), ("coarse_deviation", self.coarse)):
             try:
-                table(getattr(self, name), len(level))
+                read_cells(getattr(self, name), len(level))
             except ValueError as error:
                 raise ValueError(f"{name}: {error}") from None
         return self
@@ -168,45 +165,6 @@ class SurfaceEntry(FileModel):
     fit_seconds: float = 0.0
     """Duration of the fit on the machine that ran it [s]."""
     links: dict[str, LinkSurface]
-
-
-def table(text: str, primitives: int) -> tuple[LocalDeviation, ...]:
-    """The lines of `LinkSurface.fine_deviation` or `coarse_deviation`.
-
-    Raises:
-        ValueError: a line has neither six nor twelve numbers, names a primitive that is not there, a
-            deviation is not positive, or a motion is larger than any skin is from its primitive.
-    """
-    found = []
-    for line in text.splitlines():
-        numbers = _numbers(line)
-        if len(numbers) not in (6, 12) or numbers[0] not in range(primitives):
-            raise ValueError(
-                f"expected finite numbers: a primitive below {primitives}, x, y, z and two deviations, "
-                f"perhaps a shift and a rotation vector, got {line!r}"
-            )
-        number, x, y, z, offset, tilt, *motion = numbers
-        if not (offset > 0.0 and 0.0 <= tilt <= 90.0):
-            raise ValueError(f"expected a positive distance and an angle from 0 to 90, got {line!r}")
-        a, b, c, alpha, beta, gamma = motion or (0.0,) * 6
-        if hypot(a, b, c) > LARGEST_SHIFT or hypot(alpha, beta, gamma) > 90.0:
-            raise ValueError(
-                f"expected a shift of at most {LARGEST_SHIFT:g} mm and a rotation of at most 90 degrees, "
-                f"got {line!r}"
-            )
-        point = (1e-3 * x, 1e-3 * y, 1e-3 * z)
-        shift, turn = (1e-3 * a, 1e-3 * b, 1e-3 * c), (radians(alpha), radians(beta), radians(gamma))
-        found.append(LocalDeviation(int(number), point, 1e-3 * offset, radians(tilt), shift, turn))
-    return tuple(found)
-
-
-def _numbers(line: str) -> list[float]:
-    """The numbers of a line; none if one is no finite number."""
-    try:
-        numbers = [float(value) for value in line.split()]
-    except ValueError:
-        return []
-    return numbers if all(map(isfinite, numbers)) else []
 
 
 def read_yaml(path: Path, what: str) -> Any:
@@ -276,8 +234,8 @@ def _with_primitives(link: Link, surface: LinkSurface) -> Link:
         link,
         primitives=surface.fine,
         coarse=surface.coarse,
-        deviation=table(surface.fine_deviation, len(surface.fine)),
-        coarse_deviation=table(surface.coarse_deviation, len(surface.coarse)),
+        deviation=read_cells(surface.fine_deviation, len(surface.fine)),
+        coarse_deviation=read_cells(surface.coarse_deviation, len(surface.coarse)),
     )
 
 

@@ -1,14 +1,16 @@
 """Where the surface of a scene is how far from its primitives, for the kernels."""
 
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 
 from contactsense.localization.local_prior import LONG_TAILS, DeviationCells, no_cells
 from contactsense.localization.mean_surface import CELL_SPREAD
+from contactsense.robots.deviation_table import read_cells
 from contactsense.robots.robot import LocalDeviation
-from contactsense.robots.rotations import rotation_from_vector
+from contactsense.robots.rotations import rotation_from_rpy, rotation_from_vector
 from contactsense.robots.surface.convex_primitives import Surfaces, project
 from contactsense.scene import Scene
 
@@ -19,17 +21,17 @@ LEAST_OFFSET = 1e-4
 
 
 def deviation_cells(scene: Scene, surfaces: Surfaces) -> DeviationCells:
-    """Cells of the arm's primitives, as its surface file has them; none if the scene states one error.
+    """Cells of the primitives of arm, tool and pedestals; none if the scene states one error.
 
-    Tool and bodies of the cell have no cells.
+    Args:
+        scene: The scene.
+        surfaces: Of `contactsense.scene_model.scene_surfaces.scene_surfaces`.
     """
-    coarse = scene.detail == "coarse"
-    found: list[_Cell] = []
-    for number, link in enumerate(scene.robot.links if scene.surface_error is None else ()):
-        first = int(surfaces.start[number])
-        if link.name in scene.touchable_links and first < surfaces.start[number + 1]:
-            level = link.coarse_deviation if coarse and link.coarse else link.deviation
-            found += [_in_body_frame(surfaces, first + cell.primitive, cell) for cell in level]
+    found = [
+        _in_body_frame(surfaces, table.first + cell.primitive, cell, table)
+        for table in (_tables(scene, surfaces) if scene.surface_error is None else ())
+        for cell in table.cells
+    ]
     primitives = len(surfaces.kind)
     if not found:
         return no_cells(primitives)
@@ -55,6 +57,38 @@ def deviation_cells(scene: Scene, surfaces: Surfaces) -> DeviationCells:
     )
 
 
+class _Table(NamedTuple):
+    """Cells of one body, and where the surfaces have its primitives."""
+
+    cells: tuple[LocalDeviation, ...]
+    first: int
+    """Number of its first primitive."""
+    rotation: np.ndarray = np.eye(3)
+    """Axes of its cells in the frame of the surfaces' link, shape (3, 3)."""
+    translation: np.ndarray = np.zeros(3)
+    """Origin of its cells in that frame, shape (3,) [m]."""
+
+
+def _tables(scene: Scene, surfaces: Surfaces) -> Iterator[_Table]:
+    """The tables of all bodies whose primitives are among the surfaces."""
+    robot, start, coarse = scene.robot, surfaces.start, scene.detail == "coarse"
+    pedestals = [body for body in scene.bodies if body.role == "pedestal"]
+    first = int(start[1]) - sum(len(body.primitives) for body in pedestals)
+    for number, link in enumerate(robot.links):
+        end = first if number == 0 else start[number + 1]
+        if link.name in scene.touchable_links and start[number] < end:
+            level = link.coarse_deviation if coarse and link.coarse else link.deviation
+            yield _Table(level, int(start[number]))
+    for body in pedestals:
+        cells = read_cells(body.deviation, len(body.primitives))
+        yield _Table(cells, first, rotation_from_rpy(body.rpy), np.array(body.translation))
+        first += len(body.primitives)
+    tool = scene.tool
+    if tool is not None and tool.name in scene.touchable_links:
+        cells = read_cells(tool.deviation, len(tool.primitives))
+        yield _Table(cells, int(start[len(robot.links)]), robot.flange_rotation, robot.flange_translation)
+
+
 class _Cell(NamedTuple):
     """One cell in the body frame of its primitive; fields as in `DeviationCells`."""
 
@@ -71,10 +105,11 @@ class _Cell(NamedTuple):
     """Largest displacement of points in the cell [m]."""
 
 
-def _in_body_frame(surfaces: Surfaces, p: int, cell: LocalDeviation) -> _Cell:
-    """A cell of primitive p, which the file has in the link's frame."""
-    R = surfaces.rotation[p]
-    point = (np.array(cell.point) - surfaces.origin[p]) @ R
+def _in_body_frame(surfaces: Surfaces, p: int, cell: LocalDeviation, table: _Table) -> _Cell:
+    """A cell of primitive p, which its table has in another frame."""
+    R = table.rotation.T @ surfaces.rotation[p]
+    origin = (surfaces.origin[p] - table.translation) @ table.rotation
+    point = (np.array(cell.point) - origin) @ R
     shift, rotation = np.array(cell.shift) @ R, rotation_from_vector(np.array(cell.turn) @ R)
     # Turned about the centre of the cell, then shifted.
     translation = point + shift - rotation @ point

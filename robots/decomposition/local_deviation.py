@@ -160,19 +160,3 @@ def _deviations(squares: np.ndarray, weight: np.ndarray, cell: np.ndarray, count
     total = np.bincount(cell, weight, minlength=count) + PRIOR_SAMPLES
     sums = np.bincount(cell, weight * squares, minlength=count) + PRIOR_SAMPLES * mean
     return np.asarray(np.sqrt(sums / total))
-
-
-def lines(cells: tuple[LocalDeviation, ...]) -> list[str]:
-    """Cells as lines of a surface file, see `contactsense.robots.yaml_schema.LinkSurface`."""
-    moved = any(value != 0.0 for cell in cells for value in (*cell.shift, *cell.turn))
-    return [f"{_deviation(cell)} {_motion(cell)}" if moved else _deviation(cell) for cell in cells]
-
-
-def _deviation(cell: LocalDeviation) -> str:
-    place = " ".join(f"{1e3 * value:.0f}" for value in cell.point)
-    return f"{cell.primitive} {place} {1e3 * cell.offset:.2f} {np.degrees(cell.tilt):.0f}"
-
-
-def _motion(cell: LocalDeviation) -> str:
-    shift, turn = (f"{1e3 * value:.2f}" for value in cell.shift), (f"{np.degrees(v):.0f}" for v in cell.turn)
-    return " ".join((*shift, *turn))

@@ -88,7 +88,7 @@ def text(
         comments: Lines at the start of the file.
         seconds: Duration of the fit [s].
         tip: Last link of the arm in its URDF, if it was named.
-        deviations: Link name -> level -> `contactsense.robots.decomposition.local_deviation.lines`.
+        deviations: Link name -> level -> `contactsense.robots.deviation_table.lines`.
     """
     lines = [f"# {comment}".rstrip() for comment in comments]
     lines += [f"robot: {robot}", *([f"tip: {tip}"] if tip else []), f"fit_seconds: {seconds:.0f}", "links:"]
@@ -99,12 +99,22 @@ def text(
             for shape in shapes:
                 lines.append(f"      - {_fields(shape)}")
         for level, cells in (deviations or {}).get(link, {}).items():
-            lines += [f"    {level}_deviation: |", *(f"      {cell}" for cell in cells)]
+            lines += _indented(f"    {level}_deviation: |", cells)
     return "\n".join(lines) + "\n"
 
 
-def tool_text(name: str, body: Inertia, shapes: Iterable[Primitive], comments: Iterable[str]) -> str:
-    """The field `tool` of a scene; mass, centre of mass and tensor only if the mass is known."""
+def tool_text(
+    name: str, body: Inertia, shapes: Iterable[Primitive], cells: Iterable[str], comments: Iterable[str]
+) -> str:
+    """The field `tool` of a scene; mass, centre of mass and tensor only if the mass is known.
+
+    Args:
+        name: Of the tool.
+        body: Its inertia.
+        shapes: Its primitives.
+        cells: `contactsense.robots.deviation_table.lines`.
+        comments: Lines at the start.
+    """
     lines = [f"# {comment}".rstrip() for comment in comments]
     lines += ["tool:", f"  name: {name}"]
     if body.mass > 0.0:
@@ -115,14 +125,23 @@ def tool_text(name: str, body: Inertia, shapes: Iterable[Primitive], comments: I
             f"  tensor: [{', '.join(f'{value:.6g}' for value in tensor)}]",
         ]
     lines += ["  primitives:", *(f"    - {_fields(shape)}" for shape in shapes)]
+    lines += _indented("  deviation: |", cells)
     return "\n".join(lines) + "\n"
 
 
-def body_text(name: str, shapes: Iterable[Primitive], comments: Iterable[str]) -> str:
-    """The field `bodies` of a scene, with one body."""
+def body_text(name: str, shapes: Iterable[Primitive], cells: Iterable[str], comments: Iterable[str]) -> str:
+    """The field `bodies` of a scene, with one body. `cells` as for `tool_text`."""
     lines = [f"# {comment}".rstrip() for comment in comments]
     lines += ["bodies:", f"  - name: {name}", "    primitives:", *(f"      - {_fields(x)}" for x in shapes)]
+    lines += _indented("    deviation: |", cells)
     return "\n".join(lines) + "\n"
+
+
+def _indented(head: str, lines: Iterable[str]) -> list[str]:
+    """A field of several lines, indented by two blanks more than its head; nothing without lines."""
+    blanks = " " * (len(head) - len(head.lstrip()) + 2)
+    rows = [blanks + line for line in lines]
+    return [head, *rows] if rows else []
 
 
 def _fields(shape: Primitive) -> str:

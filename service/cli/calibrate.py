@@ -138,7 +138,18 @@ def scene_text(path: Path, scene: Scene, target: Path) -> str:
             content[part] = None
         elif part in fresh:
             content[part] = fresh[part]
-    return yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=110)
+    return yaml.dump(content, Dumper=_SceneDumper, sort_keys=False, default_flow_style=None, width=110)
+
+
+class _SceneDumper(yaml.SafeDumper):
+    """Text of several lines, such as a tool's `deviation`, stays a block of lines."""
+
+
+def _text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style="|" if "\n" in text else None)
+
+
+_SceneDumper.add_representer(str, _text)
 
 
 def as_plain(found: Calibration) -> dict[str, Any]:

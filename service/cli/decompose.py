@@ -13,6 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from contactsense.robots import Robot, RobotError
+from contactsense.robots.deviation_table import lines
 from contactsense.robots.library import URDF_SUFFIXES
 from contactsense.robots.whole_file import write_text
 from contactsense.service.analysis.fleet.worker_pool import WorkerPoolError, run_tasks
@@ -292,7 +293,7 @@ def _tool_yaml(robot: Robot, fit: "Fit", command: str, source: str) -> str:
     ]
     if not body.mass > 0.0:
         comments.append("Add mass [kg] and com [m], or let contactsense calibrate estimate them.")
-    return tool_text(robot.name, body, primitives(fit.bodies), comments)
+    return tool_text(robot.name, body, primitives(fit.bodies), lines(fit.deviation), comments)
 
 
 def _body_yaml(robot: Robot, fit: "Fit", command: str, source: str) -> str:
@@ -304,7 +305,7 @@ def _body_yaml(robot: Robot, fit: "Fit", command: str, source: str) -> str:
         f"Meshes: {source}",
         "Add translation [m] and rpy [rad] of that frame in the base frame, and the role.",
     )
-    return body_text(robot.name, primitives(fit.bodies), comments)
+    return body_text(robot.name, primitives(fit.bodies), lines(fit.deviation), comments)
 
 
 def _yaml(
@@ -315,7 +316,6 @@ def _yaml(
     seconds: float,
     source: str,
 ) -> str:
-    from contactsense.robots.decomposition.local_deviation import lines
     from contactsense.robots.decomposition.yaml_export import primitives, text
 
     coarse, fine = {}, {}

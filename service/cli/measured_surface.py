@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from contactsense.robots import Robot, RobotError
+from contactsense.robots.deviation_table import lines
 from contactsense.robots.yaml_schema import read_surface
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ def measured_again(robot: Robot, meshes: "dict[str, trimesh.Trimesh]", path: Pat
     Raises:
         click.ClickException: there is no such file.
     """
-    from contactsense.robots.decomposition.local_deviation import lines, local_deviation
+    from contactsense.robots.decomposition.local_deviation import local_deviation
     from contactsense.robots.decomposition.neighbour_poses import neighbour_poses
     from contactsense.robots.decomposition.outer_skin import outer_skin
     from contactsense.robots.decomposition.surface_error import bodies_of

@@ -156,6 +156,8 @@ def _tool(scene: Scene) -> str:
     if tool is None:
         return "none"
     surface = _shape(tool.primitives) if tool.primitives else "no surface"
+    if tool.deviation and scene.surface_error is None:
+        surface += ", as far from the skin as deviation says"
     return f"{tool.name}, {tool.mass:g} kg at {_vector(tool.com, 'm')} of the flange, {surface}"
 
 

@@ -135,11 +135,15 @@ def test_a_tools_text_is_a_scenes_field(tmp_path: Path) -> None:
     robot, _ = read_tool(write(tmp_path, arm(2).replace('type="revolute"', 'type="fixed"')))
     body = robot.links[1].inertia
     scene = tmp_path / "scene.yaml"
-    scene.write_text("robot: ur5e\n" + tool_text("gripper", body, (SPHERE,), ("A gripper.",)))
+    scene.write_text(
+        "robot: ur5e\n" + tool_text("gripper", body, (SPHERE,), ("0 0 0 12 0.40 5",), ("A gripper.",))
+    )
     tool = Scene.load(scene).tool
     assert tool is not None
     assert (tool.name, tool.primitives) == ("gripper", (SPHERE,))
+    assert tool.deviation == "0 0 0 12 0.40 5\n"
     assert tool.mass == pytest.approx(body.mass)
     np.testing.assert_allclose(tool.inertia.tensor, body.tensor, rtol=1e-5)
-    bare = tool_text("bare", robots.Inertia(0.0, np.zeros(3), np.zeros((3, 3))), (SPHERE,), ())
+    bare = tool_text("bare", robots.Inertia(0.0, np.zeros(3), np.zeros((3, 3))), (SPHERE,), (), ())
     assert "mass" not in bare
+    assert "deviation" not in bare

@@ -193,6 +193,7 @@ def test_decompose_a_body_for_a_scene(tmp_path: Path) -> None:
     body = Scene.load(scene).bodies[0]
     assert (body.name, body.role) == ("post", "obstacle")
     assert 1 <= len(body.primitives) <= 2
+    assert len(body.deviation.splitlines()) >= len(body.primitives)
 
 
 @pytest.mark.long
@@ -213,4 +214,5 @@ def test_decompose_a_tool_for_a_scene(tmp_path: Path) -> None:
     tool = Scene.load(scene).tool
     assert tool is not None
     assert 1 <= len(tool.primitives) <= 2
+    assert len(tool.deviation.splitlines()) >= len(tool.primitives)
     assert picture.read_bytes().startswith(b"\x89PNG")

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from contactsense.robots.decomposition import local_deviation as measured
-from contactsense.robots.decomposition.local_deviation import CELL, lines, local_deviation
+from contactsense.robots.decomposition.local_deviation import CELL, local_deviation
 from contactsense.robots.decomposition.outer_skin import Skin
 from contactsense.robots.decomposition.surface_error import bodies_of
+from contactsense.robots.deviation_table import lines, read_cells
 from contactsense.robots.primitives import Box
 from contactsense.robots.robot import LocalDeviation
-from contactsense.robots.yaml_schema import table
 
 HALF = 0.2
 STEP = 0.003
@@ -55,7 +55,7 @@ def test_samples_that_can_seldom_be_touched_count_little() -> None:
 
 def test_lines_of_a_surface_file_are_read_as_they_were_written() -> None:
     cells = local_deviation(bodies_of([BOX]), plate())
-    again = table("\n".join(lines(cells)), 1)
+    again = read_cells("\n".join(lines(cells)), 1)
     for name, tolerance in (("point", 6e-4), ("offset", 6e-6), ("tilt", 0.01)):
         written, read = ([getattr(cell, name) for cell in some] for some in (cells, again))
         np.testing.assert_allclose(read, written, atol=tolerance)
@@ -107,7 +107,7 @@ def test_what_remains_is_never_more_than_what_was(monkeypatch: pytest.MonkeyPatc
 
 
 def test_motions_are_read_as_they_were_written(moved: Cells) -> None:
-    again = table("\n".join(lines(moved)), 1)
+    again = read_cells("\n".join(lines(moved)), 1)
     for name, tolerance in (("point", 6e-4), ("shift", 6e-6), ("turn", 0.01)):
         written, read = ([getattr(cell, name) for cell in some] for some in (moved, again))
         np.testing.assert_allclose(read, written, atol=tolerance)
@@ -132,4 +132,4 @@ def test_motions_are_read_as_they_were_written(moved: Cells) -> None:
 )
 def test_a_line_that_cannot_be_is_refused(line: str) -> None:
     with pytest.raises(ValueError, match="expected"):
-        table(line + "\n", 1)
+        read_cells(line + "\n", 1)

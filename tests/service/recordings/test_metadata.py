@@ -8,6 +8,7 @@ from contactsense import Scene
 from contactsense.service.cli.calibrate import scene_text
 from contactsense.service.recordings.metadata import metadata, scene_of_meta
 
+LINES = ("0 0 0 100 0.30 4", "4 50 0 100 1.20 22")
 CELL = """
 robot: ur5e
 mounting: wall
@@ -19,6 +20,9 @@ tool:
     - {kind: cylinder, a: [0, 0, 0], b: [0, 0, 0.1], radius_a: 0.04, radius_b: 0.03, rounding: 0.004}
     - {kind: ellipsoid, center: [0, 0, 0.1], radii: [0.02, 0.03, 0.04]}
     - {kind: box, center: [0, 0, 0.1], half: [0.05, 0.02, 0.02], rounding: 0.004}
+  deviation: |
+    0 0 0 100 0.30 4
+    4 50 0 100 1.20 22
 bodies:
   - {name: post, primitives: [{kind: sphere, center: [0.5, 0, 0], radius: 0.1}]}
 wrist_wrench: {force_noise: 0.5}
@@ -41,3 +45,4 @@ def test_a_calibrated_scene_keeps_the_surface_of_its_tool(file: Path) -> None:
     scene = Scene.load(file)
     file.write_text(scene_text(file, scene, file), encoding="utf-8")
     assert Scene.load(file).model_dump() == scene.model_dump()
+    assert f"  deviation: |\n    {LINES[0]}\n    {LINES[1]}\n" in file.read_text(encoding="utf-8")

@@ -156,10 +156,13 @@ def test_the_error_of_the_surface_is_shown(tmp_path: Path) -> None:
     seven_joints(tmp_path)
     (tmp_path / "own.yaml").write_text("robot: ur5e\n")
     (tmp_path / "same.yaml").write_text("robot: ur5e\nsurface_error: 0.001\n")
+    tool = "tool:\n  primitives: [{kind: sphere, center: [0, 0, 0.1], radius: 0.05}]\n"
+    (tmp_path / "tool.yaml").write_text(f"robot: ur5e\n{tool}  deviation: |\n    0 0 0 150 0.4 5\n")
     shown = {
         name: " ".join(_run("show", tmp_path / f"{name}.yaml").output.split())
-        for name in ("own", "same", "seven")
+        for name in ("own", "same", "seven", "tool")
     }
     assert "as far from the skin as fine_deviation of the surface file says" in shown["own"]
+    assert "0.1 x 0.1 x 0.1 m along its axes, as far from the skin as deviation says" in shown["tool"]
     assert "detail fine, within 1 mm (one sigma)" in shown["same"]
     assert "detail fine, within 0.5 mm (one sigma)" in shown["seven"]
