@@ -33,7 +33,6 @@ from contactsense.sensors.link_values import as_fields
 from contactsense.sensors.stream_state import (
     DEGRADED,
     REPEATED,
-    RESTARTED,
     SUSPECT,
     TOUCHED,
     UNUSABLE,
@@ -117,14 +116,32 @@ class Localizer(StaticLocalizer):
 
     def reset(self) -> None:
         """Discard all samples and contacts; the next sample starts a new stream."""
+        self._forget_stream()
+        status = self._buffers.state.track.status[0]
+        status.number = status.count = 0
+        if self._multi_tracker is not None:
+            self._multi_tracker.forget()
+        self._phase, self._number, self._restart_reason = NONE, 0, ""
+
+    def restart(self, why: str) -> None:
+        """Begin another stream of the same arm, whose clock and biases have nothing to do with those so far.
+
+        Unlike `reset`, this goes on for whoever follows the estimates: the next sample releases the contacts
+        that are open, and numbers of contacts are not given again.
+
+        Args:
+            why: The reason of the next estimate, which is `degraded`.
+        """
+        self._forget_stream()
+        self._restart_reason = why
+
+    def _forget_stream(self) -> None:
+        """Forget what all samples have told, except which contacts are open and their numbers."""
         constants, state = self._buffers.constants, self._buffers.state
         restart_stream(state.stream)
         state.stream.usable[:] = 0
         restart_consistency(state.consistency, self.scene.force, self.scene.contacts == 1)
         end_contact(state.track)
-        state.track.status[0].number = state.track.status[0].count = 0
-        if self._multi_tracker is not None:
-            self._multi_tracker.forget()
         self._screening.reset()
         self._start.reset()
         self._detectable.reset()
@@ -138,7 +155,6 @@ class Localizer(StaticLocalizer):
         friction_error = constants.torque_model.friction_error
         restart_bias_filter(state.bias_filter, self.scene.inertia_error, weight, friction_error)
         restart_noise_scale(state.noise_scale, constants.sensors.base_covariance)
-        self._phase, self._number = NONE, 0
         if self._payload is not None:
             self._payload.reset()
 
@@ -238,8 +254,6 @@ class Localizer(StaticLocalizer):
             return self._estimate_builder.contacts(t, found, "", self._number, _PHASES[self._phase], kinds)
         if flags & (UNUSABLE | REPEATED):
             return self._not_used(t, flags, self._screening.refused.get("q", _NOT_FINITE))
-        if flags & RESTARTED and self._multi_tracker is not None:
-            self._multi_tracker.forget()
         if flags & TOUCHED and self._intrinsic:
             found[COUNT] = 0
             if self._usable()[0]:
@@ -256,7 +270,8 @@ class Localizer(StaticLocalizer):
             step = self._stream.clock[0].step
             consistency = self._buffers.state.consistency
             names, refused = self._sample_fields.names, self._screening.refused
-            reason = degraded_reason(names, flags, consistency, refused, step)
+            reason = degraded_reason(names, flags, consistency, refused, step, self._restart_reason)
+            self._restart_reason = ""
         if self._multi_tracker is not None:
             if count < 0:
                 release += self._multi_tracker.end(t, self._number)
@@ -374,7 +389,7 @@ class Localizer(StaticLocalizer):
             return self._not_used(t, flags, _NOT_FINITE)
         if flags & DEGRADED:
             consistency = self._buffers.state.consistency
-            reason = degraded_reason(self._sample_fields.names, flags, consistency, {}, 0.0)
+            reason = degraded_reason(self._sample_fields.names, flags, consistency, {}, 0.0, "")
             return self._estimate_builder.without_contacts(t, "degraded", reason)
         return self._estimate_builder.no_contact(
             t, self._detectable.after_change(usable_residuals_code_in_python(self._stream))

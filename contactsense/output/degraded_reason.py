@@ -22,6 +22,7 @@ def degraded_reason(
     consistency: SensorConsistency,
     refused: Mapping[str, str],
     step: float,
+    restart: str,
 ) -> str:
     """Why a sample's estimate is `degraded`, in words.
 
@@ -31,8 +32,9 @@ def degraded_reason(
         consistency: Of the stream.
         refused: Sensor -> why its value was taken out of the sample.
         step: Time since the previous sample [s].
+        restart: Why the stream begins with this sample, empty if it does not or if that is no news.
     """
-    reasons = []
+    reasons = [restart] if restart else []
     for i, name in enumerate(sensors):
         if flags & ((MISSING | INVALID) << i | BLIND) and name in refused:
             reasons.append(refused[name])

@@ -159,6 +159,8 @@ class Service:
             self.reactions.handle_report(report)
         elif kind == "webhook":
             self.webhooks.enqueue(report["action"], report["decision"])
+        elif kind == "stream":
+            self.tracks.begin_stream()
         else:
             self.clips.handle_report(report)
 

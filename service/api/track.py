@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import json
+import logging
 from collections.abc import Coroutine
 from typing import Annotated, Any
 
@@ -14,9 +15,10 @@ from contactsense.service.controllers.sample_message import MAX_SCENE, MessageEr
 from contactsense.service.controllers.settings import ControllerSettings
 from contactsense.service.controllers.track_process import MessageChannel, TrackProcess
 from contactsense.service.controllers.track_session import error_message
-from contactsense.service.live.hub import Hub
+from contactsense.service.live.hub import Hub, Reader
 from contactsense.service.live.scheduling import WEB, deprioritize, prioritize
 
+log = logging.getLogger("contactsense")
 router = APIRouter()
 TRY_AGAIN, RESTARTED, NORMAL = 1013, 1012, 1000
 """Close codes of RFC 6455 and its registry."""
@@ -35,6 +37,12 @@ class Tracks:
         self._hub = hub
         self.opened = 0
         """Number of open connections."""
+        self._pushed: _Pushed | None = None
+
+    def begin_stream(self) -> None:
+        """The pipeline has accepted the controller: estimates so far are of another one's samples."""
+        if self._pushed is not None:
+            self._pushed.begin()
 
     async def serve(self, websocket: WebSocket, scene: Scene) -> None:
         """Serve one connection until it ends."""
@@ -79,15 +87,21 @@ class Tracks:
             return
         channel = MessageChannel(*opened)
         form = _Form()
-        try:
-            await _first(
-                self._forward(websocket, channel, form),
-                _answer(websocket, channel),
-                self._estimates(websocket, form),
-            )
-            await _close(websocket, RESTARTED, "the pipeline is being restarted; connect again")
-        finally:
-            await channel.close()
+        who = "a controller" if websocket.client is None else f"a controller at {websocket.client.host}"
+        log.info("%s sends the samples from now on; the estimation begins anew", who)
+        with self._hub.subscribe() as reader:
+            self._pushed = _Pushed(reader)
+            try:
+                await _first(
+                    self._forward(websocket, channel, form),
+                    _answer(websocket, channel),
+                    _estimates(websocket, form, self._pushed),
+                )
+                await _close(websocket, RESTARTED, "the pipeline is being restarted; connect again")
+            finally:
+                self._pushed = None
+                log.info("%s sends no more samples: its connection has ended", who)
+                await channel.close()
 
     async def _forward(
         self, websocket: WebSocket, channel: MessageChannel, form: "_Form | None" = None
@@ -116,20 +130,34 @@ class Tracks:
             except OSError:
                 return
 
-    async def _estimates(self, websocket: WebSocket, form: "_Form") -> None:
-        """Pass on the pipeline's estimates, in the format of the controller's messages."""
-        with self._hub.subscribe() as reader:
-            while True:
-                message = await reader.take()
-                for text in ([b'{"lost":%d}' % lost] if (lost := reader.take_lost()) else []) + [message]:
-                    answer = encode(json.loads(text), True) if form.binary else text
-                    await _send(websocket, answer, form.binary)
-
 
 class _Form:
     """Format of a controller's messages: JSON or MessagePack."""
 
     binary = False
+
+
+class _Pushed:
+    """The estimates of one controller's samples, which begin where the pipeline says so."""
+
+    def __init__(self, reader: Reader) -> None:
+        self.reader = reader
+        self.begun = asyncio.Event()
+
+    def begin(self) -> None:
+        self.reader.clear()
+        self.begun.set()
+
+
+async def _estimates(websocket: WebSocket, form: _Form, pushed: _Pushed) -> None:
+    """Pass on the pipeline's estimates, in the format of the controller's messages."""
+    await pushed.begun.wait()
+    while True:
+        message = await pushed.reader.take()
+        lost = pushed.reader.take_lost()
+        for text in ([b'{"lost":%d}' % lost] if lost else []) + [message]:
+            answer = encode(json.loads(text), True) if form.binary else text
+            await _send(websocket, answer, form.binary)
 
 
 async def _answer(websocket: WebSocket, channel: MessageChannel) -> None:

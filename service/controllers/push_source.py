@@ -47,6 +47,7 @@ class PushSource:
         self._connection: socket.socket | None = None
         self._unframer = Unframer()
         self._health = StreamHealth(state="waiting", error="no controller is connected to WS /v1/track")
+        self._streams = 0
         self._newest = -1e9
         self._unusable = self._without_wrench = 0
         self._base_wrench = scene.base_wrench is not None
@@ -55,17 +56,22 @@ class PushSource:
         """Return the samples that have arrived, oldest first; waits up to `timeout` seconds for the first."""
         deadline = time.monotonic() + timeout
         while True:
-            samples: list[Sample] = []
-            for key, _ in self._selector.select(max(0.0, deadline - time.monotonic())):
-                if key.fileobj is self._listener:
-                    self._accept()
-                else:
-                    samples = self._read()
+            ready = [key.fileobj for key, _ in self._selector.select(max(0.0, deadline - time.monotonic()))]
+            # What the last controller has sent comes before the first samples of the next one.
+            samples = self._read() if self._connection in ready else []
+            if self._listener in ready and not samples:
+                self._accept()
             now = time.monotonic()
             if samples:
                 self._newest = now
             if samples or now >= deadline:
                 return samples
+
+    @property
+    def streams(self) -> int:
+        """How many controllers have connected. Another one has other clocks, sensors and mistakes; so may the
+        same one after a pause."""
+        return self._streams
 
     @property
     def health(self) -> SourceHealth:
@@ -106,10 +112,15 @@ class PushSource:
             connection.setblocking(False)
             self._selector.register(connection, selectors.EVENT_READ)
             self._connection, self._unframer = connection, Unframer()
-            # Another controller has other clocks, sensors and mistakes.
             self._readings = PushedReadings(self._scene)
             self._refused, self._refusal = RecentCounts(), ""
+            self._streams += 1
             self._health.connections += 1
+            if self._streams > 1:
+                # The number makes the error of each connection another one, with a time of its own.
+                self._health.error = (
+                    f"a controller has connected anew (connection {self._streams}); the estimation began anew"
+                )
 
     def _drop(self) -> None:
         if self._connection is not None:

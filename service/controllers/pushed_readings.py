@@ -22,6 +22,7 @@ from contactsense.service.sensors.plausibility import (
     SensorEvent,
 )
 from contactsense.service.sensors.recent_trouble import WITHOUT_WRENCH
+from contactsense.service.sensors.robot_stream import LATE, LATE_IN_A_ROW
 from contactsense.service.sensors.stuck_channels import StuckChannels
 from contactsense.service.sensors.velocity_check import VelocityCheck
 from contactsense.types import Sample
@@ -39,8 +40,10 @@ _TEXTS = {
     "sensor stuck, or slower than 100 Hz?",
     "stuck": "{field}[{channel}]: this value stays the same while the others change; the whole reading is "
     "left out: is that channel broken, or at the end of its range?",
-    "back": "{field}: the times of the samples run back again and again, and each time the estimation begins "
-    "anew: are they sent in the wrong order, or by two clocks?",
+    "late": "{field}: the times of the samples run back again and again; late ones are not used: "
+    "are they sent in the wrong order, or by two clocks?",
+    "back": "{field}: the times of the samples jump back again and again, and each time the estimation "
+    "begins anew: are they sent by two clocks?",
     "zero": "{field}: the reading is exactly zero in all components; it is left out: is the sensor on?",
 }
 
@@ -68,19 +71,18 @@ class PushedReadings:
         if torque is not None and torque.contains == "motor":
             self._never_zero.add("joint_torque")
         self._q: tuple[float, ...] = ()
-        self._t = -math.inf
+        self._t, self._late = -math.inf, 0
         self._at_rest = False
 
     def checked(self, sample: Sample) -> Sample:
         """The sample without readings that cannot be measurements.
 
         Raises:
-            MessageError: Its positions are stale or its velocities wrong, so that nothing of it can be used.
+            MessageError: It is late, its positions are stale or its velocities wrong, so that nothing
+                of it can be used.
         """
         self._recent.add(time.monotonic(), _SAMPLES)
-        if sample.t < self._t:
-            self._note("t", "back")
-        self._t = sample.t
+        self._check_time(sample.t)
         if self._robot.positions_stale(sample.t, sample.q, sample.qd):
             self._note("q", "stale")
             raise MessageError("q", "expected positions that change where qd says that the arm moves")
@@ -110,6 +112,19 @@ class PushedReadings:
             for event, count in counts.items()
             if isinstance(event, SensorEvent) and count > max(2, few if event.what == "frozen" else 0.0)
         )
+
+    def _check_time(self, t: float) -> None:
+        """Refuse a late sample, as is done with those of a robot. A time far back, or one in a row of late
+        ones, is that of a clock that was set back."""
+        if t < self._t:
+            if t > self._t - LATE and self._late < LATE_IN_A_ROW:
+                self._late += 1
+                self._note("t", "late")
+                raise MessageError(
+                    "t", f"expected a later time than {self._t!r} of the sample before, got {t!r}"
+                )
+            self._note("t", "back")
+        self._t, self._late = t, 0
 
     def _measured(self, field: str, values: np.ndarray | None, t: float, moves: bool) -> np.ndarray | None:
         """The reading of a sensor, None if it cannot be a measurement."""

@@ -155,15 +155,15 @@ class ContactSummaries:
                 if found is None or estimate.t < found.last:
                     found = self._open[number] = _OpenContact(number, estimate.t)
                 found.add(estimate.t, explanations, variance)
-        events = [self._event(event, time) for event in estimate.events]
+        events = [self._event(event, time, _end_reason(event, estimate)) for event in estimate.events]
         return events + self._lost(estimate.t, time)
 
-    def _event(self, event: Event, time: str) -> ContactEvent:
+    def _event(self, event: Event, time: str, reason: str) -> ContactEvent:
         ended = event.kind in ("release", "weight")
         found = self._open.pop(event.contact, None) if ended else self._open.get(event.contact)
         if event.kind == "release":
             self._released = found
-        return (found or _OpenContact(event.contact, event.t)).event(event, time)
+        return (found or _OpenContact(event.contact, event.t)).event(event, time, reason)
 
     def _resume(self, number: int) -> None:
         """Open the contact that was released last again; in the pause there was no force."""
@@ -182,3 +182,10 @@ class ContactSummaries:
             )
             for number in gone
         ]
+
+
+def _end_reason(event: Event, estimate: Estimate) -> str:
+    """Why the release of a contact may not be its end: empty where the sensors have seen it."""
+    if event.kind != "release" or estimate.status != "degraded":
+        return ""
+    return f"the end of the contact may not have been seen: {estimate.reason}"

@@ -68,6 +68,11 @@ class Reader:
         self._events = deque(maxlen=_MAX_EVENTS)
         self._filled.set()
 
+    def clear(self) -> None:
+        """Forget the messages and events that wait."""
+        self._queue.clear()
+        self._events.clear()
+
     async def take(self) -> bytes:
         """Return the oldest message; waits until there is one."""
         while not self._queue:

@@ -49,6 +49,8 @@ _TICK = 0.01
 """Longest wait for samples before listeners and commands have their turn [s]."""
 _MAX_COMMAND = 1 << 20
 """Largest command of the service [bytes]."""
+ANOTHER_SOURCE = "a controller has connected anew: a new stream begins, in which the observer is settling"
+"""Why the estimation begins anew."""
 
 _L = TypeVar("_L")
 
@@ -63,6 +65,11 @@ class Source(Protocol):
     def health(self) -> source_health.SourceHealth:
         """State of the sensors."""
 
+    @property
+    def streams(self) -> int:
+        """How many streams have begun, each with a clock and sensors of its own. All samples of one `poll`
+        belong to the newest."""
+
     def poll(self, timeout: float) -> list[Sample]:
         """Return the samples that have arrived, oldest first; waits up to `timeout` seconds for the first."""
 
@@ -75,6 +82,9 @@ class Stepper(Protocol):
 
     def step(self, sample: Sample) -> Estimate:
         """Return the estimate after this sample."""
+
+    def restart(self, why: str) -> None:
+        """Begin another stream; `why` is the reason of its first estimate."""
 
 
 class Outbox:
@@ -263,10 +273,17 @@ def run(
     listeners = listeners or Listeners((), outbox)
     summaries = ContactSummaries()
     beat, last_sample, step_time = 0.0, None, None
+    streams = source.streams
     step_times, error_times = StepTimes(), ErrorTimes(utc_now)
     window_start, window_count, rate = time.monotonic(), 0, 0.0
     while True:
         samples = source.poll(_TICK)
+        if source.streams > streams:
+            if streams:
+                localizer.restart(ANOTHER_SOURCE)
+            streams = source.streams
+            # What the service has received so far belongs to the stream before.
+            outbox.post(REPORT, 0.0, json.dumps({"type": "stream"}).encode())
         estimates = []
         for sample in samples:
             begin = time.perf_counter()

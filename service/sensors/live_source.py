@@ -174,6 +174,11 @@ class LiveSource:
             yield from self.poll(0.1)
 
     @property
+    def streams(self) -> int:
+        """How many streams have begun: one, as a robot that is restarted is the same."""
+        return 1
+
+    @property
     def health(self) -> SourceHealth:
         """Current counters and latest problems of all sensors."""
         robot = replace(self._robot.health)

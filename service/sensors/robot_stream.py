@@ -12,10 +12,10 @@ State = Literal["connecting", "streaming", "waiting", "closed"]
 NS = 1_000_000_000
 """Nanoseconds in a second."""
 
-_LATE = 0.5
+LATE = 0.5
 """A packet whose time stamp is older than the newest by less than this is late; otherwise the clock was reset
 [s]."""
-_LATE_IN_A_ROW = 10
+LATE_IN_A_ROW = 10
 """After this many consecutive late packets, the clock was reset after all."""
 
 _SLACK = 1.0
@@ -106,7 +106,7 @@ class LossCounter:
             if step == 0.0:
                 health.duplicates += 1
                 return False
-            if -_LATE < step < 0.0 and self._late < _LATE_IN_A_ROW:
+            if -LATE < step < 0.0 and self._late < LATE_IN_A_ROW:
                 self._late += 1
                 health.out_of_order += 1
                 return False

@@ -1,6 +1,7 @@
 """`step` and `run` on a stream of samples of a held posture."""
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -43,6 +44,48 @@ def test_time_that_jumps_back_starts_a_new_stream(precise: Localizer) -> None:
     again = list(precise.run([*samples, *samples]))
     assert "settling" in again[300].reason
     np.testing.assert_array_equal(again[299].contacts[0].point_base, again[-1].contacts[0].point_base)
+
+
+@pytest.mark.parametrize("later", [-1.0, 0.0, 5e8])
+def test_another_stream_has_nothing_of_the_last_one(precise: Localizer, later: float) -> None:
+    """Whatever its clock: a contact that was open ends, numbers go on, and nothing is known any more."""
+    _, wrench = push_on_forearm()
+    samples = pushed(300, wrench, 3)
+    first = list(precise.run(samples))
+    start = samples[-1].t + 0.002 + later
+    precise.restart("another controller sends: a new stream begins")
+    again = [precise.step(replace(sample, t=sample.t + start)) for sample in samples]
+    assert first[-1].contacts[0].id == 1
+    assert again[0].reason == "another controller sends: a new stream begins"
+    assert [(event.kind, event.contact, event.t) for event in again[0].events] == [
+        ("release", 1, samples[0].t + start)
+    ]
+    assert "another controller" not in again[1].reason
+    assert again[-1].contacts[0].id == 2
+    assert [estimate.status for estimate in again] == [estimate.status for estimate in first]
+    np.testing.assert_allclose(
+        again[-1].contacts[0].point_base, first[-1].contacts[0].point_base, rtol=0.0, atol=1e-6
+    )
+
+
+def test_the_biases_of_the_last_stream_are_forgotten() -> None:
+    localizer = Localizer(PRECISE)
+    _, wrench = push_on_forearm()
+    for sample in pushed(400, 1e-4 * wrench, 3, first=0):
+        localizer.step(sample)
+    assert np.abs(localizer.biases[0]).max() > 0.0
+    localizer.restart("another controller")
+    assert np.abs(localizer.biases[0]).max() == 0.0
+
+
+def test_the_reason_for_a_new_stream_waits_for_a_sample_that_is_used(precise: Localizer) -> None:
+    samples = pushed(3, np.zeros(6), 3)
+    precise.reset()
+    precise.restart("another controller")
+    assert "another" not in precise.step(replace(samples[0], q=np.full(6, np.nan))).reason
+    assert precise.step(samples[1]).reason == "another controller"
+    precise.reset()
+    assert "another" not in precise.step(samples[2]).reason
 
 
 def test_samples_may_be_lists_read_only_or_views(precise: Localizer) -> None:

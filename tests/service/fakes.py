@@ -23,6 +23,7 @@ class Steady:
 
     state: State = "streaming"
     error = ""
+    streams = 1
 
     def __init__(self, scene: Scene) -> None:
         from contactsense.service.mock.script import Script

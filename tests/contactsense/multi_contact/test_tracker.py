@@ -67,6 +67,23 @@ def test_onset_and_release_of_a_second_contact(localizer: Localizer, second: Pus
     assert ("hold", 2) in events
 
 
+@pytest.mark.parametrize("how", ["clock", "restart"])
+def test_a_new_stream_releases_all_contacts(localizer: Localizer, how: str) -> None:
+    localizer.reset()
+    samples = [sample for sample, _ in stream(SCENE, [FOREARM, WRIST], 1.1, NOISE, 3, 0.0)]
+    before = [localizer.step(sample) for sample in samples][-1]
+    assert {contact.id for contact in before.contacts} == {1, 2}
+    if how == "restart":
+        localizer.restart("another controller")
+    t = 0.5 if how == "clock" else samples[-1].t + 0.002
+    after = [localizer.step(replace(sample, t=t + 0.002 * i)) for i, sample in enumerate(samples)]
+    assert sorted((event.kind, event.contact) for event in after[0].events) == [
+        ("release", 1),
+        ("release", 2),
+    ]
+    assert {contact.id for contact in after[-1].contacts} == {3, 4}
+
+
 def test_the_first_contact_can_be_released_first(localizer: Localizer) -> None:
     second = replace(WRIST, stop=1.8)
     estimates, truth = _run(localizer, [replace(FOREARM, stop=1.2), second], 2.0, seed=4)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from contactsense import Scene
-from contactsense.service.controllers.framing import frame
+from contactsense.service.controllers.framing import Unframer, frame
 from contactsense.service.controllers.push_source import PushSource
 
 SCENE = Scene.model_validate({"robot": "ur5e", "base_wrench": None})
@@ -77,6 +77,51 @@ def test_times_in_the_wrong_order_are_told(source: PushSource, tmp_path: Path) -
         controller.sendall(swapped(10))
         source.poll(0.1)
         assert source.health.trouble.startswith("t: the times of the samples run back again and again")
+
+
+def test_a_late_sample_is_refused_and_the_stream_goes_on(source: PushSource, tmp_path: Path) -> None:
+    """As with a robot's packets in the wrong order: one of them must not begin the estimation anew."""
+    with connected(tmp_path) as controller:
+        source.poll(0.0)
+        controller.sendall(sent(*({**GOOD, "t": t} for t in (1.0, 1.004, 1.002, 1.006))))
+        assert [sample.t for sample in source.poll(1.0)] == [1.0, 1.004, 1.006]
+        controller.settimeout(5.0)
+        ((answer, _),) = Unframer().feed(controller.recv(1 << 16))
+        assert json.loads(answer) == {
+            "errors": [
+                {"field": "t", "reason": "expected a later time than 1.004 of the sample before, got 1.002"}
+            ]
+        }
+        assert source.health.trouble == ""
+
+
+@pytest.mark.parametrize(("back", "refused"), [(0.2, 10), (0.5, 0), (100.0, 0)])
+def test_a_clock_that_is_set_back_is_followed(
+    source: PushSource, tmp_path: Path, back: float, refused: int
+) -> None:
+    with connected(tmp_path) as controller:
+        source.poll(0.0)
+        controller.sendall(sent(GOOD, *({**GOOD, "t": 1.0 - back + 0.002 * i} for i in range(20))))
+        times = [sample.t for sample in source.poll(1.0)]
+        assert times == [1.0, *(1.0 - back + 0.002 * i for i in range(refused, 20))]
+        assert source.streams == 1
+
+
+def test_what_a_controller_has_sent_comes_before_the_next_one(source: PushSource, tmp_path: Path) -> None:
+    assert source.streams == 0
+    with connected(tmp_path) as first:
+        source.poll(0.0)
+        first.sendall(sent(GOOD, {**GOOD, "t": 2.0}))
+    with connected(tmp_path) as second:
+        second.sendall(sent({**GOOD, "t": 7.0}))
+        assert [sample.t for sample in source.poll(1.0)] == [1.0, 2.0]
+        assert source.streams == 1
+        assert [sample.t for sample in source.poll(1.0)] == [7.0]
+        assert source.streams == 2
+        assert source.health.robot.state == "streaming"
+        assert source.health.robot.error == (
+            "a controller has connected anew (connection 2); the estimation began anew"
+        )
 
 
 def test_another_controller_is_not_compared_with_the_last_one(source: PushSource, tmp_path: Path) -> None:

@@ -174,6 +174,80 @@ def test_a_controller_is_the_source_of_the_pipeline(pushed: Sample) -> None:
         _until(place, lambda health: "no controller" in health["message"])
 
 
+@pytest.fixture(scope="module")
+def source(pushed: Sample) -> Iterator[str]:
+    """A service whose samples a controller pushes."""
+    with serving(create_app(Settings(controllers=ControllerSettings(source="push")))) as place:
+        _until(place, lambda health: "no controller" in health["message"])
+        yield place
+
+
+def _steady(client: ClientConnection, sample: Sample, start: float, count: int = 300) -> list[Any]:
+    """Answers to `count` samples at 500 Hz from the time `start` on."""
+    return [ask(client, message(sample, start + 0.002 * i)) for i in range(count)]
+
+
+def _events(place: str, since: int) -> list[dict[str, Any]]:
+    events: list[dict[str, Any]] = http.get(f"http://{place}/v1/events?since={since}").json()["events"]
+    return events
+
+
+@pytest.mark.parametrize("start", [0.0, 0.61, 1.7e9])
+def test_another_controller_begins_anew(
+    source: str, pushed: Sample, start: float, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Its clock may be earlier, go on, or be that of a computer: nothing of the last one is left."""
+    caplog.set_level("INFO", "contactsense")
+    known = [event["id"] for event in _events(source, 0)]
+    with connect(f"ws://{source}/v1/stream") as reader, opened(source) as client:
+        first = _steady(client, pushed, 0.0)
+        reader.recv(timeout=SLOW)
+    with connect(f"ws://{source}/v1/stream") as reader, opened(source) as client:
+        again = _steady(client, pushed, start)
+        seen = json.loads(reader.recv(timeout=SLOW))
+        robot = _until(source, lambda health: "connected anew" in health["source"]["robot"]["last_error"])
+        assert robot["source"]["robot"]["last_error_time"] is not None
+    reason = "a controller has connected anew: a new stream begins, in which the observer is settling"
+    assert (again[0]["t"], again[0]["status"], again[0]["reason"]) == (start, "degraded", reason)
+    assert (seen["t"], seen["reason"]) == (start, reason)
+    assert not any("milliseconds" in answer["reason"] for answer in again)
+    number = first[-1]["contacts"][0]["id"]
+    assert again[-1]["contacts"][0]["id"] == number + 1
+    assert again[-1]["contacts"][0]["link"] == "forearm"
+    told = [
+        (event["kind"], event["contact"], event["reason"])
+        for event in _events(source, max(known, default=0))
+        if event["kind"] in ("onset", "release") and event["contact"] in (number, number + 1)
+    ]
+    assert told == [
+        ("onset", number, ""),
+        ("release", number, f"the end of the contact may not have been seen: {reason}"),
+        ("onset", number + 1, ""),
+    ]
+    lines = [record.message for record in caplog.records if "sends the samples from now on" in record.message]
+    assert lines[-1].startswith("a controller at 127.0.0.1 sends")
+
+
+def test_a_clock_that_is_set_back_or_far_ahead_within_one_controller(source: str, pushed: Sample) -> None:
+    """Late samples are refused; a clock that was set goes on, and what was open ends."""
+    with opened(source) as client:
+        number = _steady(client, pushed, 100.0)[-1]["contacts"][0]["id"]
+        late = ask(client, message(pushed, 100.59))
+        assert late["errors"][0]["field"] == "t"
+        assert "expected a later time than 100.598" in late["errors"][0]["reason"]
+        on = ask(client, message(pushed, 100.6))
+        assert on["contacts"][0]["id"] == number
+        for start, why in ((5.0, "got an earlier one: a new stream begins"), (60.0, "is the time in milli")):
+            changed = _steady(client, pushed, start)
+            assert why in changed[0]["reason"]
+            assert ("release", number) in [
+                (event["kind"], event["contact"]) for event in changed[0]["events"]
+            ]
+            assert why not in changed[1]["reason"]
+            number += 1
+            assert changed[-1]["contacts"][0]["id"] == number
+
+
 def _until(place: str, condition: Any) -> dict[str, Any]:
     deadline = time.monotonic() + SLOW
     while True:

@@ -98,6 +98,15 @@ def test_a_contact_that_vanishes_is_released(t: float) -> None:
     assert "no longer estimated" in release.reason
 
 
+def test_why_the_end_of_a_contact_may_not_have_been_seen() -> None:
+    summaries = ContactSummaries()
+    summaries.update(estimate(0.0, FOREARM, event="onset"), "")
+    blind = replace(estimate(0.1, event="release"), status="degraded", reason="a new stream begins")
+    (release,) = summaries.update(blind, "")
+    assert release.link == "forearm"
+    assert release.reason == "the end of the contact may not have been seen: a new stream begins"
+
+
 def test_an_event_without_a_known_contact() -> None:
     (release,) = ContactSummaries().update(estimate(1.0, event="release", number=5), "")
     assert (release.kind, release.contact, release.link, release.point) == ("release", 5, "", None)

@@ -47,6 +47,19 @@ def test_a_slow_reader_loses_the_oldest_and_is_told() -> None:
     assert hub.lost == 8  # still known when the reader has gone
 
 
+def test_what_waits_can_be_forgotten() -> None:
+    hub = Hub()
+    with hub.subscribe(every=2) as reader:
+        hub.add_event(b"{}")
+        publish(hub, 3)
+        hub.add_event(b"{}")
+        publish(hub, 1)
+        reader.clear()
+        hub.publish(1.0, b'{"t":1,"events":[]}')
+        assert taken(reader) == [b'{"t":1,"events":[]}']
+        assert reader.take_lost() == 0
+
+
 @pytest.mark.parametrize("size", [1, 3])
 def test_the_events_of_lost_messages_come_with_the_next_one(size: int) -> None:
     """In order; of too many the oldest are dropped."""

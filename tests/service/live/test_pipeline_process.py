@@ -10,7 +10,16 @@ import pytest
 from contactsense import Estimate, Sample
 from contactsense.service.api.messages import EstimateOut
 from contactsense.service.live.error_times import ErrorTimes
-from contactsense.service.live.pipeline_process import ESTIMATE, HEAD, HEALTH, Outbox, _as_message, run
+from contactsense.service.live.pipeline_process import (
+    ANOTHER_SOURCE,
+    ESTIMATE,
+    HEAD,
+    HEALTH,
+    REPORT,
+    Outbox,
+    _as_message,
+    run,
+)
 from contactsense.service.sensors.netft_client import WrenchHealth
 from contactsense.service.sensors.robot_stream import State, StreamHealth
 from contactsense.service.sensors.source_health import SourceHealth
@@ -61,6 +70,8 @@ def test_an_outbox_without_a_reader_says_so() -> None:
 class Ten:
     """Ten samples, then the reader hangs up."""
 
+    streams = 1
+
     def __init__(self, reader: socket.socket) -> None:
         self.reader, self.arrived, self.calls = reader, list[tuple[bytes, float, bytes]](), 0
 
@@ -86,6 +97,9 @@ class Idle:
     def step(self, sample: Sample) -> Estimate:
         return Estimate(sample.t, "none", (), np.zeros(7), np.zeros(6), np.full((6, 6), np.inf))
 
+    def restart(self, why: str) -> None:
+        raise AssertionError(why)
+
 
 def test_samples_become_messages() -> None:
     ours, theirs = socket.socketpair()
@@ -104,6 +118,48 @@ def test_samples_become_messages() -> None:
     assert report["source"]["robot"] == robot
     assert (report["source"]["without_wrench"], report["source"]["unusable"]) == (4, 3)
     assert report["pipeline"]["alive"]
+
+
+class TwoControllers(Ten):
+    """One controller, then another."""
+
+    @property
+    def streams(self) -> int:
+        return min(self.calls, 2)
+
+    def poll(self, timeout: float) -> list[Sample]:
+        self.calls += 1
+        if self.calls < 3:
+            return [Sample(0.002 * i, np.zeros(6), np.zeros(6)) for i in range(2)]
+        self.arrived = read_all(self.reader)
+        self.reader.close()
+        return [Sample(1.0, np.zeros(6), np.zeros(6))]
+
+
+class Restarted(Idle):
+    """Notes before which sample it was restarted."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.restarts: list[tuple[int, str]] = []
+
+    def step(self, sample: Sample) -> Estimate:
+        self.count += 1
+        return super().step(sample)
+
+    def restart(self, why: str) -> None:
+        self.restarts.append((self.count, why))
+
+
+def test_another_controller_begins_another_stream() -> None:
+    ours, theirs = socket.socketpair()
+    source, localizer = TwoControllers(theirs), Restarted()
+    with ours, pytest.raises(BrokenPipeError):
+        run(source, localizer, Outbox(ours))
+    assert localizer.restarts == [(2, ANOTHER_SOURCE)]
+    kinds = [kind for kind, _, _ in source.arrived if kind != HEALTH]
+    assert kinds == [REPORT, ESTIMATE, ESTIMATE, REPORT, ESTIMATE, ESTIMATE]
+    assert json.loads(next(text for kind, _, text in source.arrived if kind == REPORT)) == {"type": "stream"}
 
 
 def test_each_sensor_on_the_network_has_its_state() -> None:
