@@ -27,6 +27,7 @@ from contactsense.service.recordings import Recording
 from contactsense.service.recordings.problem_lines import problem_lines
 from contactsense.service.recordings.problems import Problem
 from contactsense.service.recordings.recording_file import RecordingFile
+from contactsense.service.recordings.time_extent import TimeExtent
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +52,9 @@ class Analysis:
     """The contacts, in the order in which they began."""
     residuals: ResidualSummary
     """Residuals and their noise."""
+    is_ordered: bool = True
+    """Whether the rows are in the order of time, see
+    `contactsense.service.recordings.time_extent.TimeExtent`."""
     doubt: str = ""
     """Why the scene is in doubt, see `contactsense.Localizer.doubt`; one of `problems`, empty if there is no
     doubt."""
@@ -68,9 +72,9 @@ class Analysis:
 
     @property
     def judged(self) -> bool:
-        """Whether any sample could be used. If none could, no contacts does not mean that nothing touched the
-        arm."""
-        return bool(self.contacts) or self.residuals.usable > 0
+        """Whether any sample could be used. If none could, or the rows are in no order of time, no contacts
+        does not mean that nothing touched the arm."""
+        return self.is_ordered and (bool(self.contacts) or self.residuals.usable > 0)
 
     def to_arrow(self) -> pa.Table:
         """The contacts as an Arrow table, see `contactsense.service.analysis.contact_table.SCHEMA`."""
@@ -136,9 +140,10 @@ def analyze(
         samples=run.extent.samples,
         start=run.extent.start,
         duration=run.extent.seconds,
+        is_ordered=run.extent.is_ordered,
         gaps=sum(problem.kind == "gap" for problem in run.extent.problems),
         problems=(*problem_lines(run.extent.problems), *run.complaints),
-        contacts=contacts,
+        contacts=contacts if run.extent.is_ordered else (),  # each step back begins another stream
         residuals=run.residuals.summary(),
         doubt=run.localizer.doubt,
         limits=limits,
@@ -147,29 +152,11 @@ def analyze(
 
 
 @dataclass
-class Extent:
+class Extent(TimeExtent):
     """The part of a recording that has been processed."""
 
-    samples: int = 0
-    """Number of samples."""
-    start: float = 0.0
-    """Time of the first [s]."""
-    seconds: float = 0.0
-    """From the first to the last, see `contactsense.service.recordings.Recording.seconds` [s]."""
     problems: tuple[Problem, ...] = ()
     """Problems found in the file."""
-    last: float = float("nan")
-    """Time of the last sample [s]."""
-
-    def add(self, t: np.ndarray) -> None:
-        """Add samples; t: their times [s], shape (N,)."""
-        if len(t) == 0:
-            return
-        if self.samples == 0:
-            self.start = self.last = float(t[0])
-        step = np.diff(t, prepend=self.last)
-        self.seconds += float(step[step > 0.0].sum())
-        self.samples, self.last = self.samples + len(t), float(t[-1])
 
 
 class AnalysisRun:

@@ -23,6 +23,8 @@ _COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 
 def warning(analysis: Analysis) -> str:
     """Why the contacts as a whole are not to be relied on, and what to do; empty if they are."""
+    if not analysis.is_ordered:
+        return ""  # the residuals say nothing about the scene
     reasons = []
     if analysis.doubt:
         reasons.append("the readings have not fitted a free arm since the recording began")
@@ -63,6 +65,15 @@ def health(analysis: Analysis) -> list[tuple[bool, str]]:
                 "missing, invalid or inconsistent, or the observers settled.",
             )
         )
+    if not analysis.is_ordered:
+        findings.append(
+            (
+                False,
+                "timestamp: expected rows in the order of time, got many that are earlier than the row "
+                "before. Sort them, or name another column with --columns timestamp=NAME.",
+            )
+        )
+        return findings
     step = analysis.duration / max(analysis.samples - 1, 1)
     if not analysis.judged and step > LONGEST_FIRST_STEP:
         findings.append(

@@ -23,6 +23,28 @@ _HEAD = 65536
 _GZIP = b"\x1f\x8b"
 """The first bytes of a file that is packed with gzip."""
 _DECIMAL_COMMA = re.compile(rb"\d,\d")
+_UTF16 = (b"\xff\xfe", b"\xfe\xff")
+"""The first bytes of a text in UTF-16, such as the "Unicode text" of spreadsheets."""
+_BEFORE_HEADER = re.compile(rb"(?:\xef\xbb\xbf)?(?:[ \t]*\r?\n|\"?sep=.\"?\r?\n)*")
+"""The mark with which spreadsheets begin a text in UTF-8, empty lines, and one that names the delimiter."""
+_BLANKS, _EDGES = re.compile(rb"[ \t]+"), re.compile(rb"^ | (?=\r?$)", re.MULTILINE)
+_COMMENT = re.compile(r"[#%]+\s*")
+"""What NumPy and MATLAB write before a header."""
+_MISSING = (
+    "nan",
+    "-nan",
+    "nan(ind)",
+    "-nan(ind)",
+    "1.#qnan",
+    "-1.#ind",
+    "null",
+    "none",
+    "na",
+    "n/a",
+    "#n/a",
+    "-",
+)
+"""Words for a number that is missing, as different programs write them."""
 _OTHER_BEGINNINGS = {
     "{": "JSON",
     "[": "JSON",
@@ -58,6 +80,31 @@ class _Gzip(io.RawIOBase):
         super().close()
 
 
+class _SingleBlanks(io.RawIOBase):
+    """A text whose numbers are in columns, padded with blanks, with one blank between them.
+
+    Args:
+        file: The text; closed with this.
+    """
+
+    def __init__(self, file: io.BufferedReader) -> None:
+        self._file, self._rest = file, b""
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        while not self._rest and (lines := self._file.read(1 << 20) + self._file.readline()):
+            self._rest = _EDGES.sub(b"", _BLANKS.sub(b" ", lines))
+        data, self._rest = self._rest[: len(buffer)], self._rest[len(buffer) :]
+        buffer[: len(data)] = data
+        return len(data)
+
+    def close(self) -> None:
+        self._file.close()
+        super().close()
+
+
 class CsvTable:
     """CSV as written by ur_rtde (commas), by UR's own client (blanks) or by spreadsheets (semicolons),
     optionally compressed with gzip."""
@@ -71,9 +118,18 @@ class CsvTable:
         with path.open("rb") as file:
             self._packed = file.read(len(_GZIP)) == _GZIP
         with self._open() as stream:
-            # Spreadsheets begin a text in UTF-8 with a mark, which is no part of the first name.
-            first, _, rest = (stream.read(_HEAD) or b"").partition(b"\n")
-        head = first.decode("utf-8-sig", "replace").strip()
+            opening = stream.read(_HEAD) or b""
+        if opening.startswith(_UTF16):
+            raise RecordingError(f"{path}: expected text in UTF-8, got UTF-16: save it as CSV in UTF-8")
+        before = _BEFORE_HEADER.match(opening)
+        assert before is not None  # it may be empty
+        self._skipped = 1 + before.group().count(b"\n")
+        first, _, rest = opening[before.end() :].partition(b"\n")
+        head = first.decode("utf-8", "replace").strip()
+        second = rest.partition(b"\n")[0].decode("utf-8", "replace").strip("\r")
+        named = _commented_names(head, second)
+        if named is not None:
+            head = second
         if not head.replace("\t", "").isprintable():
             raise RecordingError(f"{path}: expected a table as text, got binary data")
         for beginning, found in _OTHER_BEGINNINGS.items():
@@ -83,12 +139,21 @@ class CsvTable:
                     f"or rosbag2, got {found}: {head[:40]!r}"
                 )
         # Spreadsheets with decimal commas write semicolons between columns.
-        self._delimiter = next((mark for mark in ";,\t" if mark in head), " ")
+        self._delimiter = _delimiter(head)
         self._decimal_commas = self._delimiter == ";" and _DECIMAL_COMMA.search(rest) is not None
-        self.names = [name.strip().strip('"') for name in head.split(self._delimiter)]
-        if not any(name and not _is_number(name) for name in self.names):
+        self.names = named or _names(head, self._delimiter)
+        words = [name for name in self.names if name and not _is_number(name)]
+        if not words or (len(self.names) > 2 and len(words) == 1):  # numbers, or a title
             raise RecordingError(f"{path}: expected a header line that names the columns, got {head[:60]!r}")
-        check_twice(path, self.names)
+        check_twice(path, words)
+        padded = b"  " in opening or _EDGES.search(opening) is not None
+        self._padded = self._delimiter == " " and padded
+        if (
+            self._delimiter != " "
+            and second.endswith(self._delimiter)
+            and second.count(self._delimiter) == len(self.names)
+        ):
+            self.names.append("")  # a program writes a delimiter after each number
 
     def batches(
         self, names: list[str], first: int = 0, last: int | None = None
@@ -115,17 +180,18 @@ class CsvTable:
         rejected: list[Problem] = []
 
         def skip(row: pa_csv.InvalidRow) -> str:
-            number = (row.number or 2) - 2
+            number = (row.number or self._skipped + 1) - self._skipped - 1
             message = f"expected {row.expected_columns} columns, got {row.actual_columns}; row ignored"
             rejected.append(Problem(number, number + 1, "bad_row", message))
             return "skip"
 
         row = 0
         with self._open() as stream:
+            lines = io.BufferedReader(_SingleBlanks(stream)) if self._padded else stream
             reader = pa_csv.open_csv(
-                stream,
+                lines,
                 read_options=pa_csv.ReadOptions(
-                    use_threads=False, block_size=1 << 22, skip_rows=1, column_names=self.names
+                    use_threads=False, block_size=1 << 22, skip_rows=self._skipped, column_names=self.names
                 ),
                 parse_options=pa_csv.ParseOptions(delimiter=self._delimiter, invalid_row_handler=skip),
                 convert_options=pa_csv.ConvertOptions(
@@ -172,12 +238,41 @@ class CsvTable:
         self.problems.append(Problem(row_from, row_to, "bad_row", message))
 
 
+def _delimiter(line: str) -> str:
+    """What is between the columns of a line."""
+    return next((mark for mark in ";,\t" if mark in line), " ")
+
+
+def _names(head: str, delimiter: str) -> list[str]:
+    names = head.split() if delimiter == " " else head.split(delimiter)
+    return [name.strip().strip('"') for name in names]
+
+
+def _commented_names(head: str, second: str) -> list[str] | None:
+    """The names in a header behind a comment mark, as `numpy.savetxt` writes it, perhaps with another
+    delimiter than in the rows; None: it is no such line.
+
+    Args:
+        head: The first line.
+        second: The next one.
+    """
+    mark = _COMMENT.match(head)
+    if mark is None:
+        return None
+    numbers = _names(second.strip(), _delimiter(second.strip()))
+    names = _names(head[mark.end() :], _delimiter(head[mark.end() :]))
+    are_numbers = all(_is_number(cell) or cell.lower() in ("", *_MISSING) for cell in numbers)
+    if len(names) != len(numbers) or not are_numbers or any(map(_is_number, names)):
+        return None
+    return names
+
+
 def _words(cells: list[str | None], values: np.ndarray) -> set[int]:
     """Which cells of a column are neither numbers nor dates nor empty."""
     return {
         int(i)
         for i in np.flatnonzero(np.isnan(values))
-        if (cell := cells[i]) and cell.strip().lower() not in ("nan", "null", "na")
+        if (cell := cells[i]) and cell.strip().lower() not in _MISSING
     }
 
 

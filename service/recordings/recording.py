@@ -11,6 +11,7 @@ from contactsense.runtime.block_runner import MAX_BLOCK
 from contactsense.sample_blocks import SampleBlock
 from contactsense.sensors.link_values import by_field, column_of
 from contactsense.service.recordings.problems import Problem
+from contactsense.service.recordings.time_extent import TimeExtent
 from contactsense.types import Sample
 
 if TYPE_CHECKING:
@@ -65,9 +66,11 @@ class Recording:
 
     @property
     def seconds(self) -> float:
-        """Time from the first to the last sample, including sections before a clock reset [s]."""
-        step = np.diff(self.t)
-        return float(step[step > 0.0].sum())
+        """Time from the first to the last sample, including sections before a clock reset [s]. Of rows that
+        are not in the order of time, from the earliest to the latest."""
+        extent = TimeExtent()
+        extent.add(self.t)
+        return extent.seconds
 
     @property
     def sensors(self) -> frozenset[str]:

@@ -138,6 +138,21 @@ def test_unusable_samples_are_not_said_to_be_free_of_contact(
         assert "Nothing touched" not in text
 
 
+def test_rows_in_no_order_are_told_without_a_time_between_them(tmp_path: Path) -> None:
+    path = write_motion(demo(), tmp_path / "shuffled.parquet", last=500)
+    table = pa_parquet.read_table(path)
+    pa_parquet.write_table(table.take(np.random.default_rng(0).permutation(500)), path)
+    (tmp_path / "scene.yaml").write_text("robot: ur5e\n")
+    result = CliRunner().invoke(
+        analyze, [str(path), "--scene", str(tmp_path / "scene.yaml"), "--out", str(tmp_path / "out")]
+    )
+    assert result.exit_code == 1
+    assert "timestamp: expected rows in the order of time" in result.output
+    assert not any(text in result.output for text in ("apart", "scene does not fit", "residuals"))
+    assert "999 s" not in (tmp_path / "out" / "report.md").read_text()
+    assert "1.0 s" in (tmp_path / "out" / "report.md").read_text()
+
+
 def test_an_uncalibrated_scene_is_warned_of_before_its_contacts(tmp_path: Path) -> None:
     path = write_motion(demo(), tmp_path / "demo.parquet", last=500)
     # The other arm's masses: everything looks like a contact.

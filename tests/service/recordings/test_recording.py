@@ -1,6 +1,7 @@
 """Recordings in every format that is read, and everything that can be wrong with them."""
 
 import datetime
+import io
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -134,6 +135,95 @@ def test_files_of_another_kind_are_named(tmp_path: Path, beginning: str, told: s
     (tmp_path / "a.csv").write_text(beginning + text(columns()))
     with pytest.raises(RecordingError, match=r"a\.csv: expected CSV with a header line .*" + re.escape(told)):
         read(tmp_path / "a.csv", SCENE)
+
+
+def _savetxt(names: str, delimiter: str, comments: str) -> str:
+    stream, found = io.StringIO(), columns()
+    head = names.join(found)
+    np.savetxt(
+        stream, np.column_stack([*found.values()]), header=head, delimiter=delimiter, comments=comments
+    )
+    return stream.getvalue()
+
+
+@pytest.mark.parametrize("comments", ["# ", "#", "% ", ""])
+@pytest.mark.parametrize(("names", "delimiter"), [(",", ","), (" ", " "), (" ", ","), (", ", " ")])
+def test_a_header_as_numpy_writes_it(tmp_path: Path, names: str, delimiter: str, comments: str) -> None:
+    if not comments and names.strip() != delimiter.strip():
+        pytest.skip("without a mark, header and rows have the same delimiter")
+    (tmp_path / "a.csv").write_text(_savetxt(names, delimiter, comments))
+    recording = read(tmp_path / "a.csv", SCENE)
+    np.testing.assert_array_equal(recording.q, table(columns(), "actual_q"))
+    assert recording.problems == ()
+
+
+def test_a_missing_number_below_a_commented_header(tmp_path: Path) -> None:
+    head, first, *lines = _savetxt(",", ",", "# ").splitlines()
+    first = ",".join([*first.split(",")[:-1], "nan"])
+    (tmp_path / "a.csv").write_text("\n".join([head, first, *lines]))
+    assert len(read(tmp_path / "a.csv", SCENE)) == N
+
+
+@pytest.mark.parametrize(
+    ("separator", "left", "right"),
+    [(",", "", ","), (" ", "", " "), ("  ", "", ""), ("   ", "  ", "  "), (",", "\n", "")],
+)
+def test_what_programs_write_around_numbers(tmp_path: Path, separator: str, left: str, right: str) -> None:
+    """A delimiter after each number, columns that are padded with blanks, empty lines."""
+    head, *lines = text(columns()).splitlines()
+    lines[10] = "1,2"
+    rows = [f"{left}{line.replace(',', separator)}{right}" for line in lines]
+    (tmp_path / "a.csv").write_text("\n".join([left + head.replace(",", separator), *rows]) + "\n")
+    recording = read(tmp_path / "a.csv", SCENE)
+    np.testing.assert_array_equal(recording.q, np.delete(table(columns(), "actual_q"), 10, axis=0))
+    (problem,) = recording.problems if left != "\n" else recording.problems[-1:]
+    assert (problem.row_from, problem.kind) == (10, "bad_row")
+
+
+def test_columns_without_a_name_are_no_duplicates(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(text(columns()).replace("\n", ",,\n"))
+    np.testing.assert_array_equal(read(tmp_path / "a.csv", SCENE).q, table(columns(), "actual_q"))
+
+
+def test_a_title_above_the_header_is_told(tmp_path: Path) -> None:
+    title = "robot state" + "," * 24 + "\n"
+    (tmp_path / "a.csv").write_text(title + text(columns()))
+    with pytest.raises(
+        RecordingError, match="expected a header line that names the columns, got 'robot state"
+    ):
+        read(tmp_path / "a.csv", SCENE)
+
+
+def test_the_line_with_which_a_spreadsheet_names_the_delimiter(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("sep=;\r\n" + text(columns(), ";").replace("\n", "\r\n"), newline="")
+    np.testing.assert_array_equal(read(tmp_path / "a.csv", SCENE).q, table(columns(), "actual_q"))
+
+
+def test_another_encoding_is_told(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(text(columns(), "\t"), encoding="utf-16")
+    with pytest.raises(RecordingError, match="expected text in UTF-8, got UTF-16"):
+        read(tmp_path / "a.csv", SCENE)
+
+
+def test_words_for_missing_numbers_are_one_problem(tmp_path: Path) -> None:
+    head, *lines = text(columns()).splitlines()
+    for i, word in enumerate(["NaN", "-nan(ind)", "1.#QNAN", "#N/A", "n/a", "None", "-", ""]):
+        lines[i] = ",".join([*lines[i].split(",")[:-1], word])
+    (tmp_path / "a.csv").write_text("\n".join([head, *lines]))
+    assert problem_lines(read(tmp_path / "a.csv", SCENE).problems) == (
+        "rows 0 to 7: base_wrench is missing or not finite",
+    )
+
+
+def test_rows_in_no_order_span_the_time_from_the_earliest_to_the_latest(tmp_path: Path) -> None:
+    head, *lines = text(columns()).splitlines()
+    shuffled = np.random.default_rng(0).permutation(lines)
+    for rows in (shuffled, lines[::-1]):
+        (tmp_path / "a.csv").write_text("\n".join([head, *rows]))
+        assert read(tmp_path / "a.csv", SCENE).seconds == pytest.approx(0.002 * (N - 1))
+    found = columns()
+    found["timestamp"][N // 2 :] -= found["timestamp"][N // 2]  # set back once
+    assert read(as_csv(tmp_path, found), SCENE).seconds == pytest.approx(0.002 * (N - 2))
 
 
 def test_what_is_no_text_is_not_printed(tmp_path: Path) -> None:
