@@ -15,6 +15,9 @@ from contactsense.sensors.stream_state import (
 )
 from contactsense.sensors.timing import LONGEST_FIRST_STEP
 
+NEW_STREAM = "a new stream begins, in which the observer is settling"
+"""Part of the reason of the first estimate after the samples were those of another clock."""
+
 
 def degraded_reason(
     sensors: Sequence[str],
@@ -48,8 +51,7 @@ def degraded_reason(
         reasons += describe_inconsistency(consistency)
     if flags & RESTARTED:
         reasons.append(
-            "t: expected a later time than that of the previous sample, got an earlier one: a new "
-            "stream begins, in which the observer is settling"
+            f"t: expected a later time than that of the previous sample, got an earlier one: {NEW_STREAM}"
         )
     if flags & SETTLING and step > LONGEST_FIRST_STEP:
         got = f"{step:.4g} s" if step < LONGEST_STEP else "a day or more"

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from contactsense.output.degraded_reason import NEW_STREAM
 from contactsense.service.events.model import ContactEvent
 from contactsense.types import Contact, Estimate, Event
 
@@ -185,7 +186,7 @@ class ContactSummaries:
 
 
 def _end_reason(event: Event, estimate: Estimate) -> str:
-    """Why the release of a contact may not be its end: empty where the sensors have seen it."""
-    if event.kind != "release" or estimate.status != "degraded":
+    """Why the release of a contact is not its end: empty where the sensors have seen it."""
+    if event.kind != "release" or NEW_STREAM not in estimate.reason:
         return ""
-    return f"the end of the contact may not have been seen: {estimate.reason}"
+    return f"the end of the contact was not seen: {estimate.reason}"

@@ -21,6 +21,7 @@ from typing import Any, Protocol, TypeVar
 
 from contactsense import Estimate, Localizer, Sample, Scene
 from contactsense.localizer import kernels_of
+from contactsense.output.degraded_reason import NEW_STREAM
 from contactsense.robots.jit.compilation import Compilation
 from contactsense.service.api.estimate_json import estimate_json
 from contactsense.service.api.messages import PipelineHealth, SensorHealth, SourceHealth
@@ -49,7 +50,7 @@ _TICK = 0.01
 """Longest wait for samples before listeners and commands have their turn [s]."""
 _MAX_COMMAND = 1 << 20
 """Largest command of the service [bytes]."""
-ANOTHER_SOURCE = "a controller has connected anew: a new stream begins, in which the observer is settling"
+ANOTHER_SOURCE = f"a controller has connected anew: {NEW_STREAM}"
 """Why the estimation begins anew."""
 
 _L = TypeVar("_L")

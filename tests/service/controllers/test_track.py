@@ -221,7 +221,7 @@ def test_another_controller_begins_anew(
     ]
     assert told == [
         ("onset", number, ""),
-        ("release", number, f"the end of the contact may not have been seen: {reason}"),
+        ("release", number, f"the end of the contact was not seen: {reason}"),
         ("onset", number + 1, ""),
     ]
     lines = [record.message for record in caplog.records if "sends the samples from now on" in record.message]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from contactsense import Contact, Estimate
+from contactsense.output.degraded_reason import NEW_STREAM
 from contactsense.service.events.summary import ContactSummaries
 from contactsense.types import Event, EventKind
 
@@ -98,13 +99,20 @@ def test_a_contact_that_vanishes_is_released(t: float) -> None:
     assert "no longer estimated" in release.reason
 
 
-def test_why_the_end_of_a_contact_may_not_have_been_seen() -> None:
+@pytest.mark.parametrize(
+    ("reason", "told"),
+    [
+        (f"the clock went back: {NEW_STREAM}", "the end of the contact was not seen: the clock went back: "),
+        ("base_wrench is missing", ""),  # the joint torques have seen it
+    ],
+)
+def test_why_the_end_of_a_contact_was_not_seen(reason: str, told: str) -> None:
     summaries = ContactSummaries()
     summaries.update(estimate(0.0, FOREARM, event="onset"), "")
-    blind = replace(estimate(0.1, event="release"), status="degraded", reason="a new stream begins")
-    (release,) = summaries.update(blind, "")
+    degraded = replace(estimate(0.1, event="release"), status="degraded", reason=reason)
+    (release,) = summaries.update(degraded, "")
     assert release.link == "forearm"
-    assert release.reason == "the end of the contact may not have been seen: a new stream begins"
+    assert release.reason == (told + NEW_STREAM if told else "")
 
 
 def test_an_event_without_a_known_contact() -> None:
