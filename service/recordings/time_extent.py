@@ -16,10 +16,9 @@ class TimeExtent:
 
     samples: int = 0
     """Number of samples."""
-    start: float = 0.0
-    """Time of the first [s]."""
     backwards: int = 0
     """Number of samples that are earlier than the one before."""
+    _first: float = 0.0
     _forwards: float = 0.0
     _last: float = math.nan
     _earliest: float = math.inf
@@ -30,7 +29,7 @@ class TimeExtent:
         if len(t) == 0:
             return
         if self.samples == 0:
-            self.start = self._last = float(t[0])
+            self._first = self._last = float(t[0])
         step = np.diff(t, prepend=self._last)
         self._forwards += float(step[step > 0.0].sum())
         self.backwards += int((step < 0.0).sum())
@@ -41,6 +40,11 @@ class TimeExtent:
     def is_ordered(self) -> bool:
         """Whether the samples are in the order of time, apart from a clock that was set back."""
         return self.backwards <= UNORDERED * self.samples
+
+    @property
+    def start(self) -> float:
+        """Time of the first sample, of samples in no order that of the earliest [s]."""
+        return self._first if self.is_ordered else self._earliest
 
     @property
     def seconds(self) -> float:

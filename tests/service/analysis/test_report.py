@@ -147,6 +147,7 @@ def test_rows_in_no_order_are_told_without_a_time_between_them(tmp_path: Path) -
         analyze, [str(path), "--scene", str(tmp_path / "scene.yaml"), "--out", str(tmp_path / "out")]
     )
     assert result.exit_code == 1
+    assert run_analysis(path, Scene(robot="ur5e")).start == 0.0
     assert "timestamp: expected rows in the order of time" in result.output
     assert not any(text in result.output for text in ("apart", "scene does not fit", "residuals"))
     assert "999 s" not in (tmp_path / "out" / "report.md").read_text()
