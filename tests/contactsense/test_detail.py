@@ -89,7 +89,7 @@ def test_a_missing_mesh_is_named(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("other", ["ur3e", "ur10e"])
 def test_the_meshes_of_another_arm_are_refused(other: str) -> None:
-    """Its links have the same names, and contacts were moved onto its skin."""
+    """Its links have the same names, so that contacts could be moved onto its skin."""
     meshes = shared(f"ur_visual/{other}")
     with pytest.raises(SceneError, match=r"meshes: \w+: expected the mesh .*is it that of another arm\?"):
         Localizer(Scene(robot="ur5e", detail="skin", meshes=meshes))

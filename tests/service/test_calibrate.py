@@ -188,7 +188,7 @@ def test_sensors_within_the_arm_are_calibrated_and_written(tmp_path: Path) -> No
 
 @pytest.mark.slow
 def test_a_result_that_cannot_be_is_not_recommended(folder: Path, tmp_path: Path) -> None:
-    """Torques in Ncm, and the scene of another arm: both were recommended."""
+    """Torques in Ncm, and the scene of another arm."""
     for name, robot, field in (
         ("ncm.csv", "ur5e", "joint torques: scale: got 1 per Nm, "),
         ("free.csv", "ur10e", "robot: got ur10e, ur5e would fit"),

@@ -51,7 +51,7 @@ def test_two_scenes_side_by_side(scenes: tuple[str, str]) -> None:
 
 
 def test_the_table_of_the_page(tmp_path: Path) -> None:
-    """It had the errors of former surfaces. Other processors may round the last digit otherwise."""
+    """It changes with the surface of the arm. Other processors may round the last digit otherwise."""
     page = (Path(__file__).parents[2] / "docs" / "map.md").read_text(encoding="utf-8")
     with_base, torques_only = tmp_path / "with_base.yaml", tmp_path / "torques_only.yaml"
     with_base.write_text("robot: ur10e\n")

@@ -58,7 +58,7 @@ def calibrated() -> tuple[Scene, FreeMotion, Calibration]:
 
 
 def test_every_estimated_link_is_a_body(calibrated: tuple[Scene, FreeMotion, Calibration]) -> None:
-    """The best estimate has links that are none, and a scene file with them was written."""
+    """The best estimate without this constraint has links that are none."""
     _, _, found = calibrated
     assert found.constrained
     assert found.scene.inertia is not None

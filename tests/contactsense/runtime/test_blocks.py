@@ -157,6 +157,6 @@ def test_wrong_shapes_are_named() -> None:
 
 
 def test_a_single_block_is_named() -> None:
-    """Its rows were taken for blocks, and the message was about the shape of q."""
+    """Else its rows would be taken for blocks, and the message would be about the shape of q."""
     with pytest.raises(TypeError, match=r"expected blocks, as in run_blocks\(\[block\]\), got a SampleBlock"):
         list(Localizer(Scene(robot=plain_ur5e())).run_blocks(recording()[:10]))  # type: ignore[arg-type]

@@ -91,7 +91,7 @@ def test_the_frame_of_an_upright_sensor_is_written_without_a_warning() -> None:
 
 
 def test_torques_that_are_too_large_are_no_signal_that_a_scene_could_state() -> None:
-    """They were said to be the signal that the scene states."""
+    """No finding may propose what the scene already states."""
     case = right_setup("ur10e", 5, DRAWN)
     assert case.recording.torque is not None
     assert case.scene.joint_torque is not None
@@ -103,7 +103,7 @@ def test_torques_that_are_too_large_are_no_signal_that_a_scene_could_state() -> 
 
 
 def test_a_centre_of_mass_in_centimetres_is_no_wrong_mass() -> None:
-    """The fit did not come back from so far away, and the tool was said to have no mass."""
+    """The fit comes back from so far away; a tool without mass would explain the readings, too."""
     case = right_setup("ur5e", 1, DRAWN)
     tool = case.scene.tool
     assert tool is not None
@@ -115,7 +115,7 @@ def test_a_centre_of_mass_in_centimetres_is_no_wrong_mass() -> None:
 
 
 def test_torque_constants_that_all_differ_are_all_estimated() -> None:
-    """Three of them were, and the others kept the scene's value."""
+    """A constant that is right by itself is part of the line, too."""
     case = right_setup("ur5e", 1, DRAWN)
     sensor, torque = case.scene.joint_torque, case.recording.torque
     assert sensor is not None

@@ -21,7 +21,7 @@ def _loaded(link: str, mass: float, seed: int = 1) -> Case:
 
 
 def test_a_load_on_the_forearm_is_named_with_its_mass_and_place() -> None:
-    """The prior of the links' inertia took it up, and nothing contradicted the scene."""
+    """The prior of the links' inertia must not absorb it."""
     case = _loaded("forearm", 1.5)
     (item,) = check(case.scene, [case.recording]).wrong
     assert item.line == "inertia.forearm"

@@ -49,7 +49,7 @@ def _milliseconds(text: str | None) -> float:
 
 
 def test_late_torques_are_named_with_their_delay() -> None:
-    """Friction took them up, and nothing contradicted the scene."""
+    """Friction must not absorb them."""
     (item,) = _checked(_case(), "torque").wrong
     assert item.line == DELAYED_TORQUES
     assert item.stated == "none"

@@ -275,7 +275,7 @@ def test_recordings_of_ten_samples_a_second(tmp_path: Path) -> None:
 def test_a_recording_without_a_sensor_is_analysed_as_if_the_scene_had_none(
     tmp_path: Path, as_file: bool
 ) -> None:
-    """Places and forces were those of single live estimates, several times too large among them."""
+    """Places and forces are smoothed, not those of single live estimates."""
     path = write_motion(demo(), tmp_path / "whole.parquet", last=4500)
     table = pa_parquet.read_table(path)
     pa_parquet.write_table(table.drop_columns([f"base_wrench_{i}" for i in range(6)]), path)

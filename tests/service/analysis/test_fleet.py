@@ -72,7 +72,7 @@ def test_recordings_and_their_place_in_the_dataset(tmp_path: Path) -> None:
 
 
 def test_what_a_recorder_that_was_killed_left_is_a_recording(tmp_path: Path, scene: Path) -> None:
-    """It was left out of a dataset without a word."""
+    """Its files have no end, and a name of their own."""
     here = tmp_path / "robot=a" / "date=2026-01-01"
     here.mkdir(parents=True)
     table = pa_parquet.read_table(write_motion(demo(), tmp_path / "one.parquet", last=2500))
@@ -145,7 +145,7 @@ def test_any_cut_gives_the_same_contacts(tmp_path: Path, scene: Path) -> None:
 
 @pytest.mark.slow
 def test_a_clock_that_is_set_back_loses_no_contacts_and_no_time(tmp_path: Path, scene: Path) -> None:
-    """Contacts before or after it were left out, and hours were negative; gaps counted as hours."""
+    """Gaps count as no hours, and no hours are negative."""
     write_motion(demo(), tmp_path / "one.parquet", rounds=3)
     table = pa_parquet.read_table(tmp_path / "one.parquet")
     t = table["timestamp"].to_numpy()

@@ -19,7 +19,7 @@ def given(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("resolved", [False, True])
 def test_the_recording_and_its_files_are_named_within_the_dataset(given: Path, resolved: bool) -> None:
-    """An error that had resolved the link named the whole path."""
+    """An error may have resolved the link, so that its path is another one."""
     path = given.resolve() if resolved else given
     for told in ("{}: expected q", "cannot open '{}'", "{}/part-0.parquet: binary data", "not found: {}."):
         assert named_within(told.format(path), given, NAME) == told.format(NAME)
@@ -35,7 +35,7 @@ def test_a_relative_path_is_also_known_by_its_absolute_one(
 
 @pytest.mark.parametrize("end", ["2", ".old", "-b", "_b", "~"])
 def test_a_longer_path_with_the_same_beginning_stays(given: Path, end: str) -> None:
-    """It was named as the recording, with the rest of its own name."""
+    """It is another file, not the recording."""
     told = f"{given}{end}: expected q"
     assert named_within(told, given, NAME) == told
 

@@ -70,7 +70,7 @@ def test_all_files_are_written(folder: Path) -> None:
 
 @pytest.mark.parametrize("missing", ["joint_torque", "base_wrench"])
 def test_a_sensor_that_the_file_lacks_leaves_the_other_one(tmp_path: Path, missing: str) -> None:
-    """Each sample was degraded: none was said to be usable, and model and noise could not be checked."""
+    """Samples without it are usable, so that model and noise can be checked."""
     path = write_motion(demo(), tmp_path / "part.parquet", last=500)
     table = pa_parquet.read_table(path)
     pa_parquet.write_table(table.drop_columns([f"{missing}_{i}" for i in range(6)]), path)

@@ -18,7 +18,7 @@ from tests.service.reactions.listener_play import RULES, Play, poll_until
 def test_a_slider_that_an_earlier_process_has_lowered_is_raised_once_no_force_acts(
     reads: float, ended: bool, after: float
 ) -> None:
-    """It stayed low if the force ended while no process ran. Where it is not as it was left, it belongs to
+    """The force may have ended while no process ran. Where the slider is not as it was left, it belongs to
     whoever has moved it."""
     with rtde_server() as server:
         first = Play(server)
@@ -57,7 +57,7 @@ def test_a_slider_that_an_earlier_process_has_lowered_is_raised_once_no_force_ac
 
 
 def test_registers_of_another_client_do_not_keep_the_slider_low() -> None:
-    """All inputs had to be granted, those of the registers too."""
+    """The slider needs its own inputs only, not those of the registers."""
     with rtde_server() as server:
         other = RtdeInputs("127.0.0.1", server.port, {"a": ["input_int_register_47"]})
         poll_until(other, lambda: other.ready)
@@ -77,7 +77,7 @@ def test_registers_of_another_client_do_not_keep_the_slider_low() -> None:
 
 
 def test_registers_of_another_client_do_not_make_the_slider_fail() -> None:
-    """Its state stayed that of the attempt before the connection, although it had been written since."""
+    """An attempt before the connection fails; its state is that of what has been written since."""
     with rtde_server() as server:
         other = RtdeInputs("127.0.0.1", server.port, {"a": ["input_int_register_47"]})
         poll_until(other, lambda: other.ready)
@@ -105,7 +105,7 @@ def test_a_reading_of_before_a_lost_connection_decides_nothing() -> None:
 
 
 def test_a_slider_is_low_until_its_raise_is_written_and_never_before_it_was_lowered() -> None:
-    """A process that ended in between left it low for ever, or said that somebody had moved it."""
+    """The process may end in between: the next one must know whether to raise it."""
     with rtde_server() as server:
         made = Play(server)
         made.step(estimate(0.0, contact(newtons=20.0)))
@@ -129,7 +129,8 @@ def test_a_slider_is_low_until_its_raise_is_written_and_never_before_it_was_lowe
 
 
 def test_a_raised_slider_is_reported_at_once() -> None:
-    """A process that ended within the next 0.25 s had the next one say that somebody had moved it."""
+    """The process may end before its next regular report, and the next one would say that somebody has moved
+    it."""
     with rtde_server() as server:
         server.controller.set_output("target_speed_fraction", (0.1,))
         made = Play(server)
@@ -146,7 +147,7 @@ def test_a_raised_slider_is_reported_at_once() -> None:
 
 
 def test_a_level_without_restore_that_ends_before_the_connection_is_not_written_later() -> None:
-    """The slider was lowered after the level had ended, and stayed low."""
+    """Nothing would raise a slider that is lowered after its level has ended."""
     actions = {"slow": {"type": "speed_slider", "fraction": 0.1}, "tell": {"type": "registers"}}
     with rtde_server() as server:
         made = Play(server, {**RULES, "actions": actions})
@@ -165,7 +166,7 @@ def test_a_level_without_restore_that_ends_before_the_connection_is_not_written_
     [(0.1, "done: raised to 100 %; an"), (0.3, "left at 10 % by an earlier process; somebody has set 30 %")],
 )
 def test_a_restored_latch_raises_the_slider_as_soon_as_it_is_acknowledged(reads: float, told: str) -> None:
-    """It was raised even where somebody had moved it."""
+    """Where somebody has moved it, it stays."""
     rules = {**RULES, "rules": [{**RULES["rules"][0], "collision": {"force": 50.0, "actions": ["slow"]}}]}
     begin = {
         "rule": "arm", "level": "collision", "kind": "begin", "actions": ["slow"], "t": 0.0,

@@ -64,7 +64,7 @@ def test_it_is_in_the_file_at_once(tmp_path: Path) -> None:
 
 
 def test_the_next_service_knows_that_the_slider_is_lowered(tmp_path: Path) -> None:
-    """It was forgotten, and the slider stayed low."""
+    """Else the slider would stay low."""
     settings = JournalSettings(path=tmp_path / "events.db")
     sent: list[dict[str, Any]] = []
     for lowered, expected in ((0.1, None), (0.3, 0.1), (None, 0.3), (None, None)):
@@ -104,7 +104,7 @@ def test_a_slider_that_no_action_raises_any_more_is_told_once(
 def test_a_reload_that_no_longer_raises_the_slider_tells_it_once_and_forgets_it(
     rules: ReactionRules | None, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """The listener of the new rules reported that nothing was lowered; without rules nobody reported it."""
+    """The listener of the new rules knows nothing of the slider, and without rules there is none."""
     reactions = Reactions(SLOW, "192.0.2.1", lambda command: True)
     saved: list[float | None] = []
     reactions.on_lowered = saved.append

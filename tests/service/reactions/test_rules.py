@@ -59,7 +59,7 @@ def test_links_of_groups(tmp_path: Path) -> None:
 
 
 def test_groups_of_groups(tmp_path: Path) -> None:
-    """Groups in a group were left out, so that a rule on it never began."""
+    """Else a rule on such a group would never begin."""
     groups = (
         "groups: {arm: [upper_arm, forearm], both: [arm, wrist], wrist: [wrist_1], forearm: [forearm, tip]}"
     )

@@ -62,7 +62,6 @@ def test_a_new_process_is_told_that_the_one_before_has_lowered_the_slider() -> N
 
 
 def test_the_event_of_a_delivery_has_the_time_of_the_sample() -> None:
-    """It was 0."""
     event = Reactions(RULES, None, lambda _: True).note_webhook("hook", True, "answered 200", 3.5)
     assert (event.t, event.action, event.reason) == (3.5, "hook", "done: answered 200")
 
@@ -73,7 +72,7 @@ def test_the_event_of_a_delivery_has_the_time_of_the_sample() -> None:
 def test_the_registers_are_those_of_the_controller_that_sends_the_samples(
     robot: dict[str, Any], port: int | None
 ) -> None:
-    """The port was 30004 whatever --robot-port."""
+    """The port follows --robot-port, unless the rules name a controller or a port."""
     rules = ReactionRules.model_validate({**RULES.model_dump(by_alias=True), "robot": robot})
     reactions = Reactions(rules, "192.0.2.1", lambda _: True, 30104)
     assert reactions.rules is not None

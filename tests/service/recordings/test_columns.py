@@ -74,7 +74,7 @@ def test_another_torque_signal_of_the_file_is_named(tmp_path: Path) -> None:
 
 
 def test_a_recording_of_an_arm_with_more_joints_is_refused(tmp_path: Path) -> None:
-    """The first six of seven joints were taken for those of the arm."""
+    """The first six of seven joints need not be those of the arm."""
     path = as_parquet(tmp_path, columns(actual_q_6=np.zeros(N)))
     with pytest.raises(RecordingError, match=r"q: expected 6 columns, .* of ur5e, found actual_q_6 as well"):
         read(path, SCENE)
@@ -84,7 +84,7 @@ def test_a_recording_of_an_arm_with_more_joints_is_refused(tmp_path: Path) -> No
 
 @pytest.mark.parametrize("command", ["analyze", "calibrate", "check", "record", "reactions check"])
 def test_the_example_of_the_help_names_columns(command: str) -> None:
-    """It had an underscore at its end, which columns do not have twice."""
+    """A prefix that ends in an underscore would give columns with two."""
     text = CliRunner().invoke(cli, [*command.split(), "--help"]).output
     example = re.search(r"as\s+(q=\S+)\s+or\s+a\s+YAML", text)
     assert example is not None

@@ -50,7 +50,7 @@ def test_each_reading_of_a_slower_sensor_is_used_once(shift: float) -> None:
 
 
 def test_a_sensor_that_is_slower_than_the_rows_may_be_late(tmp_path: Path) -> None:
-    """Between two of its readings there is nothing to interpolate with: none was left."""
+    """Between two of its readings there is nothing to interpolate with."""
     late, count = 0.003, 1000
     found = columns(count)
     t = found["timestamp"]

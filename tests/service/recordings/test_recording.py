@@ -249,7 +249,7 @@ def test_a_folder_that_was_recorded_is_one_recording(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("damage", ["checksum", "garbage"])
 def test_a_packed_file_that_is_damaged_gives_what_it_holds(tmp_path: Path, damage: str) -> None:
-    """The error was said to be one of writing the results."""
+    """The error is the file's, not one of writing the results."""
     found = columns()
     path = as_gzip(tmp_path, found)
     packed = path.read_bytes()

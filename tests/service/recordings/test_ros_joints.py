@@ -110,7 +110,7 @@ def test_a_wrench_without_a_time_is_named(tmp_path: Path) -> None:
 
 
 def test_a_rosbag2_folder_is_one_recording_and_takes_columns(tmp_path: Path) -> None:
-    """It was taken for a dataset, which has none."""
+    """A dataset, which is a folder as well, takes none."""
     bag = _bag(tmp_path / "bag", lambda i: [_arm(i)])
     (tmp_path / "scene.yaml").write_text("robot: ur5e\n")
     arguments = [str(bag), "--scene", str(tmp_path / "scene.yaml"), "--out", str(tmp_path / "out")]

@@ -22,7 +22,7 @@ def with_tensor(xx: float, yy: float, zz: float) -> Scene:
 
 
 def test_an_arm_of_ones_own_that_is_too_heavy_for_its_joints_is_told() -> None:
-    """A mass of 3.7 t in its file was accepted."""
+    """One of its links has a mass of 3.7 t."""
     arm = robots.load("ur5e")
     upper_arm = arm.links[2]
     heavy = dataclasses.replace(upper_arm.inertia, mass=1000.0 * upper_arm.inertia.mass)
