@@ -16,7 +16,7 @@ from contactsense.multi_contact.initial_contacts import initialize_known_contact
 from contactsense.multi_contact.joint_layout import FX, LOG_EVIDENCE, NX, PX
 from contactsense.multi_contact.joint_problem import JointProblem
 from contactsense.multi_contact.known_prior import fill_known_prior
-from contactsense.multi_contact.known_rows import Change
+from contactsense.multi_contact.known_rows import Known
 from contactsense.multi_contact.locator import MultiContactLocator
 from contactsense.multi_contact.set_evidence import add_accessibility, fill_set_evidence, known_evidence
 from contactsense.output.estimate_builder import EstimateBuilder
@@ -147,17 +147,17 @@ def _optimize_from(
     surfaces, prior, joint = constants.surfaces, constants.prior, buffers.joint
     surface = PlacedSurface(surfaces, constants.deviations, state.frames)
     count = primitive.shape[0]
-    change = Change(drift, measured=True)
+    known = Known(known_count, drift, measured=True)
     measurement = Measurement(buffers.rows, m)
-    known = fill_known_prior(
-        surface, prior, measurement, buffers.known, known_count, change, joint, buffers.known_prior
+    known_rows = fill_known_prior(
+        surface, prior, measurement, buffers.known, known, joint, buffers.known_prior
     )
-    problem = JointProblem(surfaces, prior, measurement, known, count)
+    problem = JointProblem(surfaces, prior, measurement, known_rows, count)
     prior_log_evidence = known_evidence(problem, joint)
     for i in range(count):
         c, f = point[i], force[i]
         if i < known_count:
-            initialize_known_contact(surface, prior, buffers.known, joint, change, 1.0, 0, i)
+            initialize_known_contact(surface, prior, buffers.known, joint, known, 1.0, 0, i)
         else:
             set_contact(surface, prior, joint, 0, i, primitive[i], (c[0], c[1], c[2]), (0.0, 0.0, 0.0))
         push = pushing_force((f[0], f[1], f[2]), vector_of(joint.contact[i], NX, 0))

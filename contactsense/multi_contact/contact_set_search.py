@@ -32,7 +32,7 @@ from contactsense.multi_contact.joint_layout import ENERGY, LOG_EVIDENCE, TORSIO
 from contactsense.multi_contact.joint_problem import JointProblem
 from contactsense.multi_contact.known_place_mixture import divide_known_places
 from contactsense.multi_contact.known_prior import fill_known_prior
-from contactsense.multi_contact.known_rows import Change
+from contactsense.multi_contact.known_rows import Known
 from contactsense.multi_contact.pooled_evidence import PooledSets, log_of_sum, pool_link_evidence
 from contactsense.multi_contact.pooled_places import pool_places, widen_places
 from contactsense.multi_contact.ranked_sets import rank_sets, share_evidence
@@ -58,17 +58,10 @@ More than the energies of explanations may differ, because the energy falls duri
 class Sought(NamedTuple):
     """What is searched for."""
 
-    known: int
-    """Number of known contacts."""
-    drift: float
-    """Standard deviation of the change of each component of their forces [N]; infinity: these are new."""
+    known: Known
+    """What is known before."""
     contacts: int
     """Maximum number of contacts in a set, known ones included."""
-    at_rest: bool
-    """Whether the measurement is a single one, of an arm at rest.
-
-    In a stream the forces of known contacts hardly change between samples, so that a longer search where they
-    are free gains nothing."""
 
 
 class Starts(NamedTuple):
@@ -101,35 +94,39 @@ def search_contact_sets(
     Returns:
         Number of ranked explanations.
     """
-    known_count, drift, max_contacts, at_rest = sought
+    known = sought.known
     measurement, joint, explanations = model.measurement, buffers.joint, buffers.explanations
     scene, prior = single.problem.scene, single.problem.prior
     surfaces, surface = scene.surfaces, placed_surface(scene, single.arrays)
-    change = Change(drift, at_rest)
-    known = fill_known_prior(
-        surface, prior, measurement, buffers.known, known_count, change, joint, buffers.known_prior
+    known_rows = fill_known_prior(
+        surface, prior, measurement, buffers.known, known, joint, buffers.known_prior
     )
-    initialize_seeding(surfaces.link, model, buffers, known_count, change)
-    known_alone = known_evidence(JointProblem(surfaces, prior, measurement, known, known_count), joint)
+    initialize_seeding(surfaces.link, model, buffers, known)
+    known_alone = known_evidence(
+        JointProblem(surfaces, prior, measurement, known_rows, known.contacts), joint
+    )
     stored = 0
     best, unlisted = math.inf, -math.inf
-    for further in range(0 if known_count > 0 else 1, max_contacts - known_count + 1):
+    for further in range(0 if known.contacts > 0 else 1, sought.contacts - known.contacts + 1):
         if best < MIN_ENERGY:
             break
         starts = _find_starts(single, model, sought, further, buffers)
-        problem, first = JointProblem(surfaces, prior, measurement, known, known_count + further), stored
+        count, first = known.contacts + further, stored
+        problem = JointProblem(surfaces, prior, measurement, known_rows, count)
         stored, lowest_energy = _search_from(
-            starts, surface, problem, model, change, known_alone, first, buffers
+            starts, surface, problem, model, known, known_alone, first, buffers
         )
         if starts.is_pooled:
-            sets = PooledSets(explanations, first, stored, known_count, further)
+            sets = PooledSets(explanations, first, stored, known.contacts, further)
             stored = _pool(surface, prior, model, sets, buffers)
             unlisted = log_of_sum(buffers.seeding.pair_evidence, explanations.score, 0)
         elif starts.is_broad:
             share_evidence(explanations, first, stored)
         best = min(best, lowest_energy)
-    if at_rest and known_count > 0:
-        divide_known_places(surface, prior, buffers, measurement, known_count, change, stored)
+    # In a stream the forces of known contacts hardly change between samples: a longer search where they are
+    # free gains nothing.
+    if known.measured and known.contacts > 0:
+        divide_known_places(surface, prior, buffers, measurement, known, stored)
     ranked: int = rank_sets(surfaces.link, explanations, stored, unlisted, 2.0 * prior.surface_deviation)
     return ranked
 
@@ -144,16 +141,16 @@ def _find_starts(
 ) -> Starts:
     """Where the joint search for that many further contacts starts: `buffers.candidates` are filled, and the
     seeds of `buffers.seeding`. Arguments as for `search_contact_sets`."""
-    seeding, candidates = buffers.seeding, buffers.candidates
+    seeding, candidates, known = buffers.seeding, buffers.candidates, sought.known
     # The known contacts alone have a single start, two or more further ones start at samples.
     found, seeds = 1 if further == 0 else 0, 0
     is_broad, is_pooled = False, further == 2
     if further == 1:
-        found = min(locate_further_contact(single, model.measurement, sought.known, seeding), MAX_SEEDS)
+        found = min(locate_further_contact(single, model.measurement, known.contacts, seeding), MAX_SEEDS)
         is_broad = found > 0 and is_any_broad(candidates, found)
         # The search for one contact takes free forces for normally distributed, so that they may pull: with
         # two of them its candidates are no reliable seeds, and their probabilities not those of the places.
-        is_pooled = is_broad and sought.at_rest and sought.known > 1 and sought.drift == math.inf
+        is_pooled = is_broad and known.measured and known.contacts > 1 and known.drift == math.inf
     if is_pooled or further > 1:
         seeds = find_seeds(model, further, seeding)
     if further == 1:
@@ -167,7 +164,7 @@ def _search_from(
     surface: PlacedSurface,
     problem: JointProblem,
     model: SampleModel,
-    change: Change,
+    known: Known,
     known_alone: float,
     stored: int,
     buffers: MultiContactBuffers,
@@ -179,7 +176,7 @@ def _search_from(
         surface: Where contacts may be.
         problem: The measurement with the known contacts and the further ones that are sought.
         model: The samples and the measurement.
-        change: What has changed since the known contacts were estimated.
+        known: The number of known contacts, and what has changed since they were estimated.
         known_alone: Log evidence of the known contacts alone.
         stored: Number of explanations before.
         buffers: As in `search_contact_sets`.
@@ -188,13 +185,13 @@ def _search_from(
         Number of explanations, and the lowest energy of a new one.
     """
     joint, explanations, candidates = buffers.joint, buffers.explanations, buffers.candidates
-    prior, known, count = problem.prior, problem.known, problem.contacts
+    prior, count = problem.prior, problem.contacts
     lowest_energy = math.inf
     total = starts.candidates + starts.seeds
     for start in range(0, total, LANES):
         lanes = min(LANES, total - start)
         for j in range(lanes):
-            _initialize(surface, problem, model, change, buffers, starts.candidates, start + j, j)
+            _initialize(surface, problem, model, known, buffers, starts.candidates, start + j, j)
         limit = lowest_energy + ENERGY_MARGIN
         fill_set_evidence(problem, lanes, limit, joint)
         if surface.deviations.largest_displacement > 0.0 and move_to_cells(
@@ -244,29 +241,28 @@ def _initialize(
     surface: PlacedSurface,
     problem: JointProblem,
     model: SampleModel,
-    change: Change,
+    known: Known,
     buffers: MultiContactBuffers,
     candidates_used: int,
     s: int,
     lane: int,
 ) -> None:
     """Initialize a lane with start s: one of the candidates used, or behind them a seed."""
-    prior, known_count = problem.prior, problem.known.contacts
-    further = problem.contacts - known_count
+    prior, further = problem.prior, problem.contacts - known.contacts
     candidates, joint = buffers.candidates, buffers.joint
-    for i in range(known_count):
-        initialize_known_contact(surface, prior, buffers.known, joint, change, model.force_scale, lane, i)
+    for i in range(known.contacts):
+        initialize_known_contact(surface, prior, buffers.known, joint, known, model.force_scale, lane, i)
     if s >= candidates_used:
         initialize_from_seed(
-            surface, prior, model, buffers, (known_count, further), lane, s - candidates_used
+            surface, prior, model, buffers, (known.contacts, further), lane, s - candidates_used
         )
     elif further == 1:
         row = candidates.order[s]
         initialize_further_contact(
             surface, prior, joint, candidates.primitive[row], candidates.point[row], candidates.force[row],
-            lane, known_count,
+            lane, known.contacts,
         )  # fmt: skip
-        joint.contact[known_count, TORSION + lane] = candidates.torsion[row]
+        joint.contact[known.contacts, TORSION + lane] = candidates.torsion[row]
 
 
 @fused_kernel

@@ -22,7 +22,7 @@ from contactsense.multi_contact.joint_layout import (
     TILT,
     TORSION,
 )
-from contactsense.multi_contact.known_rows import Change
+from contactsense.multi_contact.known_rows import Known
 from contactsense.multi_contact.sample_likelihood import SampleModel, initial_forces
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
@@ -36,7 +36,7 @@ def initialize_known_contact(
     prior: Prior,
     known_contacts: KnownContacts,
     joint: JointState,
-    change: Change,
+    known: Known,
     force_scale: float,
     lane: int,
     i: int,
@@ -51,28 +51,28 @@ def initialize_known_contact(
     set_contact(surface, prior, joint, lane, i, known_contacts.primitive[i], point, force)
     n = vector_of(block, NX, lane)
     start = (-force_scale * n[0], -force_scale * n[1], -force_scale * n[2])
-    if change.drift < math.inf:
+    if known.drift < math.inf:
         start = pushing_force(force, n)
         block[TORSION + lane] = known_contacts.torsion[i]
     block[EXTENT + lane], block[TILT + lane] = 0.0, 0.0
     for k in range(3):
         block[FX + k * LANES + lane] = start[k]
-    weigh_priors(change, lane, block)
+    weigh_priors(known, lane, block)
 
 
 @fused_kernel
-def weigh_priors(change: Change, lane: int, block: np.ndarray) -> None:
+def weigh_priors(known: Known, lane: int, block: np.ndarray) -> None:
     """Set how much the priors that all contacts have count again for a known one in a lane.
 
     Those of torsion and offset are among `joint.known_rows`. In a stream that of the force counts in full:
     forces change much more in its course than between two samples.
     """
-    if change.drift < math.inf:
+    if known.drift < math.inf:
         block[MOMENT_PRIOR + lane] = 0.0
-        if change.measured:
+        if known.measured:
             normal_force = -dot(vector_of(block, NX, lane), vector_of(block, FX, lane))
             deviation = block[FRICTION_RATIO + lane] * normal_force
-            block[FORCE_PRIOR + lane] = new_share_of_prior(change.drift, deviation)
+            block[FORCE_PRIOR + lane] = new_share_of_prior(known.drift, deviation)
 
 
 @fused_kernel
@@ -86,7 +86,7 @@ def new_share_of_prior(drift: float, deviation: float) -> float:
     and on a curved surface friction tells the place.
 
     Args:
-        drift: Standard deviation d of the change.
+        drift: Standard deviation d of the known.
         deviation: That of the prior, s.
     """
     return drift * drift / (drift * drift + deviation * deviation)

@@ -10,6 +10,7 @@ from contactsense.localization.single_contact_problem import SingleContactProble
 from contactsense.multi_contact.buffers import Measurement, MultiContactBuffers
 from contactsense.multi_contact.contact_set_search import Sought, search_contact_sets
 from contactsense.multi_contact.further_contact import SingleContactSearch
+from contactsense.multi_contact.known_rows import Known
 from contactsense.multi_contact.measurement_rows import Variances, fill_measurement_rows, rank_of
 from contactsense.multi_contact.sample_likelihood import SampleModel, transform_samples
 from contactsense.multi_contact.seeding_prior import estimate_force_scale
@@ -88,7 +89,7 @@ def explain_contact_sets(
     model = SampleModel(
         seed_samples, measurement, constants.prior.friction_ratio, estimate_force_scale(external, present)
     )
-    sought = Sought(known_count, drift, max_contacts, not bandwidth < math.inf)
+    sought = Sought(Known(known_count, drift, not bandwidth < math.inf), max_contacts)
     count = search_contact_sets(single, model, sought, buffers)
     listed, row = 0, 0
     for k in range(count):

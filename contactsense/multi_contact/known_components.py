@@ -29,7 +29,7 @@ from contactsense.multi_contact.joint_energy import linearize
 from contactsense.multi_contact.joint_optimization import find_joint_modes, take_rows
 from contactsense.multi_contact.joint_problem import JointProblem
 from contactsense.multi_contact.known_prior import MIN_POINT_DEVIATION, fill_rows
-from contactsense.multi_contact.known_rows import Change, KnownRows
+from contactsense.multi_contact.known_rows import Known, KnownRows
 from contactsense.multi_contact.pooled_places import bilinear_form
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
@@ -59,8 +59,7 @@ def fill_component_priors(
     prior: Prior,
     buffers: MultiContactBuffers,
     measurement: Measurement,
-    known_count: int,
-    change: Change,
+    known: Known,
     i: int,
 ) -> KnownRows:
     """Fill the rows of the known contacts with contact i in another component in each lane.
@@ -70,8 +69,7 @@ def fill_component_priors(
         buffers: The known contacts. In `joint`, `known_rows` and `known_mean` are filled;
             in `known_prior`, `primitive` and `evidence`.
         measurement: The measurement.
-        known_count: Number of known contacts.
-        change: What has changed since the earlier sample, in which they were measured.
+        known: Their number, and what has changed since the earlier sample, in which they were measured.
         i: The one that is divided.
 
     Returns:
@@ -79,13 +77,13 @@ def fill_component_priors(
     """
     (rows, m), surfaces = measurement, surface.surfaces
     joint, scratch = buffers.joint, buffers.known_prior
-    _predict_earlier_sample(surface, prior, buffers, measurement, known_count)
-    _place_components(surface, prior, buffers, known_count, i)
-    if change.drift < math.inf:
+    _predict_earlier_sample(surface, prior, buffers, measurement, known.contacts)
+    _place_components(surface, prior, buffers, known.contacts, i)
+    if known.drift < math.inf:
         earlier = MeasurementRows(
             rows.matrix, scratch.earlier, rows.seen, rows.factor, rows.row, rows.transformed
         )
-        problem = JointProblem(surfaces, prior, Measurement(earlier, m), KnownRows(0, 0), known_count)
+        problem = JointProblem(surfaces, prior, Measurement(earlier, m), KnownRows(0, 0), known.contacts)
         find_joint_modes(problem, LANES, math.inf, joint)
         for j in range(LANES):
             joint.lane[ACTIVE, j] = 1.0
@@ -93,21 +91,21 @@ def fill_component_priors(
         linearize(problem, joint)
     size = 0
     for j in range(LANES):
-        size = fill_rows(prior, scratch.place_covariance, known_count, change, joint, scratch, (j, j + 1))
-        for e in range(known_count):
+        size = fill_rows(prior, scratch.place_covariance, known, joint, scratch, (j, j + 1))
+        for e in range(known.contacts):
             block, mean = joint.contact[e], joint.known_mean[e]
             for k in range(3):
                 mean[k * LANES + j] = block[PX + k * LANES + j]
                 mean[(3 + k) * LANES + j] = block[FX + k * LANES + j]
             mean[6 * LANES + j], mean[7 * LANES + j] = block[TORSION + j], block[OFFSET + j]
             block[EXTENT + j] = 0.0
-            weigh_priors(change, j, block)
-    known = KnownRows(known_count, size)
-    alone = JointProblem(surfaces, prior, Measurement(rows, 0), known, known_count)
+            weigh_priors(known, j, block)
+    known_rows = KnownRows(known.contacts, size)
+    alone = JointProblem(surfaces, prior, Measurement(rows, 0), known_rows, known.contacts)
     find_joint_modes(alone, LANES, math.inf, joint)
     for j in range(LANES):
         scratch.evidence[j] = joint.lane[LOG_EVIDENCE, j]
-    return known
+    return known_rows
 
 
 @fused_kernel

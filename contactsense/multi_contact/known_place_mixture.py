@@ -30,7 +30,7 @@ from contactsense.multi_contact.joint_covariance import fill_covariances
 from contactsense.multi_contact.joint_optimization import find_joint_modes
 from contactsense.multi_contact.joint_problem import JointProblem
 from contactsense.multi_contact.known_components import COMPONENT_WIDTH, fill_component_priors
-from contactsense.multi_contact.known_rows import Change
+from contactsense.multi_contact.known_rows import Known
 from contactsense.multi_contact.pooled_places import bilinear_form
 from contactsense.multi_contact.ranked_sets import order_distinct
 from contactsense.multi_contact.stored_explanations import store_explanation
@@ -58,8 +58,7 @@ def divide_known_places(
     prior: Prior,
     buffers: MultiContactBuffers,
     measurement: Measurement,
-    known_count: int,
-    change: Change,
+    known: Known,
     stored: int,
 ) -> None:
     """Correct the broad known places of the likely explanations.
@@ -69,24 +68,23 @@ def divide_known_places(
         buffers: The known contacts and the explanations; of these, those behind the stored
             ones are scratch, as are the candidates. The rows of the known contacts are scratch, too.
         measurement: The measurement.
-        known_count: Number of known contacts.
-        change: What has changed since they were estimated.
+        known: Their number, and what has changed since they were estimated.
         stored: Number of explanations.
     """
     joint, explanations = buffers.joint, buffers.explanations
     surfaces, limit = surface.surfaces, 2.0 * prior.surface_deviation
     kept = order_distinct(surfaces.link, explanations, 0, stored, limit, -math.log(MIN_ODDS))
-    for i in range(known_count):
-        initialize_known_contact(surface, prior, buffers.known, joint, change, prior.force, 0, i)
+    for i in range(known.contacts):
+        initialize_known_contact(surface, prior, buffers.known, joint, known, prior.force, 0, i)
         normal = vector_of(joint.contact[i], NX, 0)
         if not _is_broad(buffers.known.covariance[i], normal, joint.contact[i, FORCE_PRIOR]):
             continue
-        known = fill_component_priors(surface, prior, buffers, measurement, known_count, change, i)
+        known_rows = fill_component_priors(surface, prior, buffers, measurement, known, i)
         for a in range(min(kept, DIVIDED)):
             t = explanations.order[a]
             count = explanations.contacts[t]
-            _start_at_components(surface, prior, buffers, t, i, known_count, change)
-            problem = JointProblem(surfaces, prior, measurement, known, count)
+            _start_at_components(surface, prior, buffers, t, i, known)
+            problem = JointProblem(surfaces, prior, measurement, known_rows, count)
             find_joint_modes(problem, LANES, math.inf, joint)
             fill_covariances(count, joint)
             highest = _store_components(surface, prior, buffers, (i, count), normal, stored)
@@ -114,8 +112,7 @@ def _start_at_components(
     buffers: MultiContactBuffers,
     t: int,
     i: int,
-    known_count: int,
-    change: Change,
+    known: Known,
 ) -> None:
     """Put explanation t into all lanes, with known contact i in the middle of another component in each."""
     joint, explanations = buffers.joint, buffers.explanations
@@ -126,7 +123,7 @@ def _start_at_components(
             if c == i:
                 mean = joint.known_mean[c]
                 p, at = buffers.known_prior.primitive[j], vector_of(mean, 0, j)
-                if change.drift < math.inf:
+                if known.drift < math.inf:
                     force, torsion = vector_of(mean, 3 * LANES, j), mean[6 * LANES + j]
             set_contact(surface, prior, joint, j, c, p, at, (0.0, 0.0, 0.0))
             block = joint.contact[c]
@@ -134,9 +131,9 @@ def _start_at_components(
             for k in range(3):
                 block[FX + k * LANES + j] = push[k]
             block[TORSION + j] = torsion
-            if c < known_count:
+            if c < known.contacts:
                 block[EXTENT + j], block[TILT + j] = 0.0, 0.0
-                weigh_priors(change, j, block)
+                weigh_priors(known, j, block)
 
 
 @fused_kernel

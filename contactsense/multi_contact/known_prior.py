@@ -49,7 +49,7 @@ from contactsense.multi_contact.joint_layout import (
 )
 from contactsense.multi_contact.joint_optimization import take_rows
 from contactsense.multi_contact.joint_problem import JointProblem
-from contactsense.multi_contact.known_rows import Change, KnownRows, unknown_of_factor
+from contactsense.multi_contact.known_rows import Known, KnownRows, unknown_of_factor
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.vectors import Vector, dot
@@ -65,8 +65,7 @@ def fill_known_prior(
     prior: Prior,
     measurement: Measurement,
     known_contacts: KnownContacts,
-    known_count: int,
-    change: Change,
+    known: Known,
     joint: JointState,
     scratch: KnownPriorScratch,
 ) -> KnownRows:
@@ -76,8 +75,7 @@ def fill_known_prior(
     Args:
         surface, prior: Where contacts may be, and their prior.
         measurement: The measurement.
-        known_contacts, known_count: Known contacts, and how many.
-        change: What has changed since.
+        known_contacts, known: Known contacts; how many, and what has changed since.
         joint: Filled.
         scratch: Filled: `factor` is U in the unknowns of the joint optimization, first the steps along the
             tangents of all contacts, then their other unknowns; lower triangular.
@@ -85,31 +83,30 @@ def fill_known_prior(
     Returns:
         Numbers of known contacts and of their rows.
     """
-    for i in range(known_count):
-        initialize_known_contact(surface, prior, known_contacts, joint, change, prior.force, 0, i)
+    for i in range(known.contacts):
+        initialize_known_contact(surface, prior, known_contacts, joint, known, prior.force, 0, i)
         _fill_mean(known_contacts, joint, i)
-    if change.drift < math.inf:
-        for i in range(known_count):
+    if known.drift < math.inf:
+        for i in range(known.contacts):
             # As when the earlier sample was measured.
             joint.contact[i, FORCE_PRIOR], joint.contact[i, MOMENT_PRIOR] = 1.0, 1.0
         for j in range(LANES):
             joint.lane[ACTIVE, j] = 1.0 if j == 0 else 0.0
-        problem = JointProblem(surface.surfaces, prior, measurement, KnownRows(0, 0), known_count)
+        problem = JointProblem(surface.surfaces, prior, measurement, KnownRows(0, 0), known.contacts)
         take_rows(problem, joint)
         linearize(problem, joint)
-    size = fill_rows(prior, known_contacts.covariance, known_count, change, joint, scratch, (0, LANES))
-    if change.drift < math.inf:
-        for i in range(known_count):
-            weigh_priors(change, 0, joint.contact[i])
-    return KnownRows(known_count, size)
+    size = fill_rows(prior, known_contacts.covariance, known, joint, scratch, (0, LANES))
+    if known.drift < math.inf:
+        for i in range(known.contacts):
+            weigh_priors(known, 0, joint.contact[i])
+    return KnownRows(known.contacts, size)
 
 
 @fused_kernel
 def fill_rows(
     prior: Prior,
     place_covariance: np.ndarray,
-    known_count: int,
-    change: Change,
+    known: Known,
     joint: JointState,
     scratch: KnownPriorScratch,
     lanes: tuple[int, int],
@@ -117,7 +114,7 @@ def fill_rows(
     """Fill the rows of what is known of the contacts, which are in one lane.
 
     Args:
-        prior, known_count, change: As for `fill_known_prior`.
+        prior, known: As for `fill_known_prior`.
         place_covariance: Covariance of each place, shape (MAX_CONTACTS, 3, 3) [m^2]; its tangential part is
             used.
         joint: With the contacts; if forces are held also with the Gauss-Newton matrix of the earlier sample.
@@ -129,20 +126,20 @@ def fill_rows(
     Returns:
         Number of rows.
     """
-    U, places, lane = scratch.factor, PLACES * known_count, lanes[0]
-    size = places if change.drift == math.inf else UNKNOWNS * known_count
+    U, places, lane = scratch.factor, PLACES * known.contacts, lanes[0]
+    size = places if known.drift == math.inf else UNKNOWNS * known.contacts
     for a in range(size):
         for b in range(size):
             U[a, b] = 0.0
-    for i in range(known_count):
+    for i in range(known.contacts):
         _fill_place_factor(place_covariance[i], joint.contact[i], lane, PLACES * i, U)
-    if change.drift < math.inf:
-        _fill_conditional(known_count, change.measured, joint, lane, scratch)
-        for i in range(known_count):
-            _add_change(prior, change.drift, joint.contact[i], lane, OTHERS * i, scratch)
-        _fill_conditional_factor(known_count, scratch)
-    for i in range(known_count):
-        _expand(prior, joint.contact[i], U, (size, known_count, i), joint.known_rows[i], lanes)
+    if known.drift < math.inf:
+        _fill_conditional(known, joint, lane, scratch)
+        for i in range(known.contacts):
+            _add_change(prior, known.drift, joint.contact[i], lane, OTHERS * i, scratch)
+        _fill_conditional_factor(known.contacts, scratch)
+    for i in range(known.contacts):
+        _expand(prior, joint.contact[i], U, (size, known.contacts, i), joint.known_rows[i], lanes)
     return size
 
 
@@ -172,29 +169,27 @@ def _fill_place_factor(C: np.ndarray, block: np.ndarray, lane: int, at: int, U: 
 
 
 @fused_kernel
-def _fill_conditional(
-    known_count: int, measured: bool, joint: JointState, lane: int, scratch: KnownPriorScratch
-) -> None:
+def _fill_conditional(known: Known, joint: JointState, lane: int, scratch: KnownPriorScratch) -> None:
     """Covariance of the other unknowns given the places, in units of their priors, and the derivative of
     their mean by the places."""
     L, G, C = scratch.information, scratch.gain, scratch.covariance
-    size, places = OTHERS * known_count, PLACES * known_count
+    size, places = OTHERS * known.contacts, PLACES * known.contacts
     for a in range(size):
         for b in range(size):
             C[a, b] = 0.0
         for b in range(places):
             G[a, b] = 0.0
-        if not measured:
+        if not known.measured:
             # Torsion and offset have their priors.
             C[a, a] = 1.0 if a % OTHERS > 2 else 0.0
-    if not measured:
+    if not known.measured:
         return
     for a in range(size):
-        x = unknown_of_factor(places + a, known_count)
+        x = unknown_of_factor(places + a, known.contacts)
         for b in range(a + 1):
-            L[a, b] = joint.matrix[x, unknown_of_factor(places + b, known_count) * LANES + lane]
+            L[a, b] = joint.matrix[x, unknown_of_factor(places + b, known.contacts) * LANES + lane]
         for b in range(places):
-            v = unknown_of_factor(b, known_count)
+            v = unknown_of_factor(b, known.contacts)
             G[a, b] = -joint.matrix[max(x, v), min(x, v) * LANES + lane]
         C[a, a] = 1.0
     cholesky(L, size)

@@ -15,9 +15,11 @@ from contactsense.multi_contact.joint_layout import (  # isort: skip
 )  # fmt: skip
 
 
-class Change(NamedTuple):
-    """What may have changed since contacts were estimated that are now known."""
+class Known(NamedTuple):
+    """How many contacts of a set are known, and what may have changed since they were estimated."""
 
+    contacts: int
+    """Number of known contacts, the first ones of each set."""
     drift: float
     """Standard deviation of the change of each component of their forces [N]; infinity: forces and torsions
     are new ones."""

@@ -15,7 +15,7 @@ from contactsense.multi_contact.buffers import (
 )
 from contactsense.multi_contact.contact_step import vector_of
 from contactsense.multi_contact.joint_layout import FX, NX, PX, W0
-from contactsense.multi_contact.known_rows import Change, unknown_of_factor
+from contactsense.multi_contact.known_rows import Known, unknown_of_factor
 from contactsense.multi_contact.sample_likelihood import SampleModel, add_contact_covariance, force_deviations
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
@@ -50,11 +50,7 @@ def estimate_force_scale(external: tuple[np.ndarray, np.ndarray, np.ndarray], pr
 
 @fused_kernel
 def initialize_seeding(
-    links: np.ndarray,
-    model: SampleModel,
-    buffers: MultiContactBuffers,
-    known_count: int,
-    change: Change,
+    links: np.ndarray, model: SampleModel, buffers: MultiContactBuffers, known: Known
 ) -> None:
     """Covariance of the rows due to noise and known contacts, and the innovation over their known forces.
 
@@ -67,7 +63,7 @@ def initialize_seeding(
         model: The samples and the measurement.
         buffers: With the known contacts after `contactsense.multi_contact.known_prior.fill_known_prior`;
             `seeding` is filled.
-        known_count, change: Their number, and what has changed of them.
+        known: Their number, and what has changed of them.
     """
     (rows, m), force_scale = model.measurement, model.force_scale
     seeding, joint = buffers.seeding, buffers.joint
@@ -75,14 +71,14 @@ def initialize_seeding(
     for r in range(m):
         seeding.prior_covariance[r, r] = 1.0
         seeding.innovation[r] = rows.value[r]
-    deviations, is_held = force_deviations(force_scale, model.friction_ratio), change.drift < math.inf
+    deviations, is_held = force_deviations(force_scale, model.friction_ratio), known.drift < math.inf
     if is_held:
-        deviations = (change.drift, change.drift)
-        _subtract_known_wrenches(joint, known_count, m, seeding)
-        if change.measured:
+        deviations = (known.drift, known.drift)
+        _subtract_known_wrenches(joint, known.contacts, m, seeding)
+        if known.measured:
             deviations = (0.0, 0.0)
-            _add_known_forces(joint, known_count, m, buffers.known_prior, seeding)
-    for i in range(known_count):
+            _add_known_forces(joint, known.contacts, m, buffers.known_prior, seeding)
+    for i in range(known.contacts):
         block, C, force_norm = joint.contact[i], buffers.known.covariance[i], force_scale
         c, n, f = vector_of(block, PX, 0), vector_of(block, NX, 0), vector_of(block, FX, 0)
         if is_held:

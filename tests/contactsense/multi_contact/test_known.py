@@ -12,7 +12,7 @@ from contactsense.multi_contact.buffers import (
 )
 from contactsense.multi_contact.joint_problem import JointProblem
 from contactsense.multi_contact.known_prior import fill_known_prior
-from contactsense.multi_contact.known_rows import Change
+from contactsense.multi_contact.known_rows import Known
 from contactsense.multi_contact.set_evidence import known_evidence
 from contactsense.robots.primitives import Sphere
 from contactsense.runtime.state import State
@@ -44,12 +44,13 @@ def log_known(covariance: np.ndarray, force: np.ndarray, drift: float) -> float:
     surfaces, prior, joint = constants.surfaces, constants.prior, buffers.joint
     measurement = Measurement(buffers.rows, 0)
     surface = PlacedSurface(surfaces, constants.deviations, state.frames)
-    contact, change = buffers.known, Change(drift, measured=False)
+    contact = buffers.known
     contact.primitive[0] = 0
     contact.point[0], contact.force[0] = CENTER + RADIUS * NORMAL, force
     contact.covariance[0] = covariance
-    known = fill_known_prior(surface, prior, measurement, contact, 1, change, joint, buffers.known_prior)
-    return known_evidence(JointProblem(surfaces, prior, measurement, known, 1), joint) + float(
+    known = Known(1, drift, measured=False)
+    rows = fill_known_prior(surface, prior, measurement, contact, known, joint, buffers.known_prior)
+    return known_evidence(JointProblem(surfaces, prior, measurement, rows, 1), joint) + float(
         np.log(prior.area)
     )
 

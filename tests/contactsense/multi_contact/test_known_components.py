@@ -12,14 +12,15 @@ from contactsense.multi_contact.contact_step import set_contact, vector_of
 from contactsense.multi_contact.joint_layout import NX, OFFSET_STEP, PX, SX, TX
 from contactsense.multi_contact.known_components import COMPONENT_WIDTH, COMPONENTS, fill_component_priors
 from contactsense.multi_contact.known_prior import fill_known_prior
-from contactsense.multi_contact.known_rows import Change
+from contactsense.multi_contact.known_rows import Known
 from contactsense.robots.jit.lanes import LANES
 from contactsense.solvers.posterior.contact_prior import STUDENT_DOF, Prior
 from tests.contactsense.multi_contact.smooth_arm import Case, draw_known, empty_case
 
 ALONG, ACROSS = 0.02, 0.01
 """Standard deviations of the known place along the surface and along its normal [m]."""
-HELD = Change(0.5, measured=True)
+HELD = 0.5
+"""Drift of held forces [N]."""
 
 
 @pytest.fixture(scope="module")
@@ -95,9 +96,8 @@ def test_forces_are_those_which_the_earlier_sample_measured_there(case: Case, co
         for i in range(count):
             stated = np.array([*known.force[i], known.torsion[i], 0.0])
             y += A[i] @ _wrench(stated, known.point[i], np.array(vector_of(joint.contact[i], NX, 0)))
-        fill_component_priors(
-            case.surface, prior, case.buffers, Measurement(case.buffers.rows, m), count, HELD, 0
-        )
+        held = Known(count, HELD, measured=True)
+        fill_component_priors(case.surface, prior, case.buffers, Measurement(case.buffers.rows, m), held, 0)
         means = _means(case, count)
         for lane in range(0, LANES, 3):
             contacts = []
@@ -115,13 +115,13 @@ def test_forces_are_those_which_the_earlier_sample_measured_there(case: Case, co
             assert _energy(found, prior, y, contacts) == pytest.approx(float(least.fun), abs=0.05)
 
 
-@pytest.mark.parametrize("drift", [0.5, np.inf])
+@pytest.mark.parametrize("drift", [HELD, np.inf])
 @pytest.mark.parametrize("count", [1, 2])
 def test_a_component_is_a_known_contact_in_its_own_right(case: Case, count: int, drift: float) -> None:
     prior, buffers = case.constants.prior, case.buffers
-    change = Change(drift, measured=True)
+    known = Known(count, drift, measured=True)
     measurement = Measurement(buffers.rows, _know(case, count))
-    found = fill_component_priors(case.surface, prior, buffers, measurement, count, change, 0)
+    found = fill_component_priors(case.surface, prior, buffers, measurement, known, 0)
     means = _means(case, count)
     in_lanes = buffers.joint.known_rows[:count].reshape(count, -1, KNOWN_NUMBERS, LANES)[:, : found.rows]
     in_lanes, covariance = in_lanes.copy(), buffers.known_prior.place_covariance[:count].copy()
@@ -131,7 +131,7 @@ def test_a_component_is_a_known_contact_in_its_own_right(case: Case, count: int,
             if np.isfinite(drift):
                 buffers.known.force[i], buffers.known.torsion[i] = means[i, 3:6, lane], means[i, 6, lane]
         stated = fill_known_prior(
-            case.surface, prior, measurement, buffers.known, count, change, buffers.joint, buffers.known_prior
+            case.surface, prior, measurement, buffers.known, known, buffers.joint, buffers.known_prior
         )
         assert stated == found
         expected = buffers.joint.known_rows[:count].reshape(count, -1, KNOWN_NUMBERS, LANES)

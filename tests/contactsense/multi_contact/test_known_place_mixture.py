@@ -12,7 +12,7 @@ from contactsense.multi_contact.joint_covariance import fill_covariances
 from contactsense.multi_contact.joint_problem import JointProblem
 from contactsense.multi_contact.known_place_mixture import divide_known_places
 from contactsense.multi_contact.known_prior import fill_known_prior
-from contactsense.multi_contact.known_rows import Change, KnownRows
+from contactsense.multi_contact.known_rows import Known
 from contactsense.multi_contact.set_evidence import known_evidence
 from contactsense.multi_contact.stored_explanations import store_explanation
 from contactsense.robots import Link, Robot
@@ -49,15 +49,15 @@ class _Known:
     def place(self, drift: float = np.inf) -> np.ndarray:
         """The only explanation's covariance of the place after it has been divided, shape (3, 3) [m^2]."""
         constants, buffers, joint = self.constants, self.buffers, self.buffers.joint
-        surfaces, prior, change = constants.surfaces, constants.prior, Change(drift, measured=True)
+        surfaces, prior, known = constants.surfaces, constants.prior, Known(1, drift, measured=True)
         measurement = Measurement(buffers.rows, 0)
-        known: KnownRows = fill_known_prior(
-            self.surface, prior, measurement, buffers.known, 1, change, joint, buffers.known_prior
+        rows = fill_known_prior(
+            self.surface, prior, measurement, buffers.known, known, joint, buffers.known_prior
         )
-        known_evidence(JointProblem(surfaces, prior, measurement, known, 1), joint)
+        known_evidence(JointProblem(surfaces, prior, measurement, rows, 1), joint)
         fill_covariances(1, joint)
         store_explanation(joint, 0, 1, 0.0, buffers.explanations, 0)
-        divide_known_places(self.surface, prior, buffers, measurement, 1, change, 1)
+        divide_known_places(self.surface, prior, buffers, measurement, known, 1)
         return np.array(buffers.explanations.covariance[0, 0])
 
 

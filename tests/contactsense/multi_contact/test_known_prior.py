@@ -19,7 +19,7 @@ from contactsense.multi_contact.joint_layout import (
 )
 from contactsense.multi_contact.joint_optimization import take_rows
 from contactsense.multi_contact.known_prior import fill_known_prior
-from contactsense.multi_contact.known_rows import Change, KnownRows
+from contactsense.multi_contact.known_rows import Known, KnownRows
 from contactsense.robots.jit.lanes import LANES
 from tests.contactsense.multi_contact.smooth_arm import Case, draw_known, empty_case
 
@@ -67,8 +67,8 @@ def _state(case: Case, covariance: np.ndarray, count: int) -> None:
 def _prior(case: Case, m: int, count: int, drift: float, measured: bool = True) -> KnownRows:
     constants, buffers = case.constants, case.buffers
     return fill_known_prior(
-        case.surface, constants.prior, Measurement(buffers.rows, m), buffers.known, count,
-        Change(drift, measured), buffers.joint, buffers.known_prior,
+        case.surface, constants.prior, Measurement(buffers.rows, m), buffers.known,
+        Known(count, drift, measured), buffers.joint, buffers.known_prior,
     )  # fmt: skip
 
 
