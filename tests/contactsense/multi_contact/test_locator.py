@@ -24,11 +24,6 @@ def precise() -> Localizer:
     return Localizer(PRECISE)
 
 
-@pytest.fixture(scope="module")
-def ordinary() -> Localizer:
-    return Localizer(Scene(robot=ARM))
-
-
 def _locate(localizer: Localizer, trial: Trial, pushes: tuple[Push, ...], **options: object) -> Estimate:
     base, torque = trial.measure(pushes)
     return localizer.locate(trial.q, base_wrench=base, joint_torque=torque, **options)  # type: ignore[arg-type]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from contactsense import Estimate, JointTorqueSensor, Localizer, Sample, Scene, WrenchSensor
+from contactsense import Estimate, Localizer, Sample, Scene
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import build_model, empty_motion
 from contactsense.residuals.sensor_consistency import (
@@ -21,17 +21,6 @@ ARM = plain_ur5e()
 POSTURE = np.array([0.2, -1.1, 1.3, -0.8, -1.2, 0.5])
 LINK = 3
 DT = 0.008
-
-
-@pytest.fixture(scope="module")
-def localizer() -> Localizer:
-    return Localizer(
-        Scene(
-            robot=ARM,
-            base_wrench=WrenchSensor(force_noise=0.25, moment_noise=0.05),
-            joint_torque=JointTorqueSensor(noise=1.0),
-        )
-    )
 
 
 def _stream(
@@ -69,29 +58,29 @@ def _at(estimates: list[Estimate], t: float) -> Estimate:
     return min(estimates, key=lambda estimate: abs(estimate.t - t))
 
 
-def test_consistent_sensors_are_never_excluded(localizer: Localizer) -> None:
+def test_consistent_sensors_are_never_excluded(ordinary: Localizer) -> None:
     """A minute of which ten seconds are a contact."""
     samples, _ = _stream(60.0, push=(20.0, 30.0))
-    estimates = list(localizer.run(samples))
+    estimates = list(ordinary.run(samples))
     assert {e.reason for e in estimates if e.t > 0.2} <= {""}
     assert {e.status for e in estimates if e.t > 0.2} <= {"none", "contact", "ambiguous"}
 
 
 @pytest.mark.parametrize(("louder", "name"), [((1.4, 1.0), "base_wrench"), ((1.0, 1.4), "joint_torque")])
 def test_more_noise_than_stated_is_reported(
-    localizer: Localizer, louder: tuple[float, float], name: str
+    ordinary: Localizer, louder: tuple[float, float], name: str
 ) -> None:
     samples, _ = _stream(8.0, louder=louder)
-    last = [e for e in localizer.run(samples) if not e.contacts][-1]
+    last = [e for e in ordinary.run(samples) if not e.contacts][-1]
     assert last.status == "degraded"
     assert last.reason.startswith(f"{name}: without contact its residual is 1.")
 
 
-def test_contradicting_torques_are_excluded_until_consistent(localizer: Localizer) -> None:
+def test_contradicting_torques_are_excluded_until_consistent(ordinary: Localizer) -> None:
     """Drives of two joints go wrong for ten seconds: nothing is pushed, then the forearm is."""
     fault = np.array([0.0, 30.0, 0.0, -20.0, 0.0, 0.0])
     samples, point = _stream(24.0, push=(8.0, 10.0), torque_fault=(2.0, 12.0, fault))
-    estimates = list(localizer.run(samples))
+    estimates = list(ordinary.run(samples))
     for t in (6.0, 9.5):
         assert _at(estimates, t).status == "degraded"
         assert "joint_torque is excluded" in _at(estimates, t).reason
@@ -102,9 +91,9 @@ def test_contradicting_torques_are_excluded_until_consistent(localizer: Localize
     assert _at(estimates, 23.0).status == "none"
 
 
-def test_a_faulty_base_sensor_is_excluded_until_consistent(localizer: Localizer) -> None:
+def test_a_faulty_base_sensor_is_excluded_until_consistent(ordinary: Localizer) -> None:
     samples, _ = _stream(24.0, push=(8.0, 10.0), dead=(2.0, 12.0))
-    estimates = list(localizer.run(samples))
+    estimates = list(ordinary.run(samples))
     assert "base_wrench is excluded" in _at(estimates, 6.0).reason
     assert not _at(estimates, 7.0).contacts
     pushed = _at(estimates, 9.9)
@@ -114,11 +103,11 @@ def test_a_faulty_base_sensor_is_excluded_until_consistent(localizer: Localizer)
     assert _at(estimates, 23.0).status == "none"
 
 
-def test_a_new_stream_starts_with_consistent_sensors(localizer: Localizer) -> None:
+def test_a_new_stream_starts_with_consistent_sensors(ordinary: Localizer) -> None:
     samples, _ = _stream(8.0, louder=(1.4, 1.4))
-    assert "times" in list(localizer.run(samples))[-1].reason
+    assert "times" in list(ordinary.run(samples))[-1].reason
     quiet, _ = _stream(1.0)
-    assert list(localizer.run(quiet))[-1].reason == ""
+    assert list(ordinary.run(quiet))[-1].reason == ""
 
 
 @pytest.mark.parametrize("single", [True, False])

@@ -212,7 +212,7 @@ def test_correlated_residuals_count_as_fewer_rows(correlation: float, independen
 
 
 @pytest.mark.parametrize(("share", "told"), [(0.027, False), (0.033, True)])
-def test_a_residual_that_is_small_for_the_joint_is_notunexplained_signals(share: float, told: bool) -> None:
+def test_a_residual_that_is_small_for_the_joint_is_no_unexplained_signal(share: float, told: bool) -> None:
     """However far it is above the noise: 3 % of the joint's limit is what counts."""
     case = right_setup("ur5e", 2, DRAWN)
     assert case.scene.joint_torque is not None
