@@ -1,5 +1,6 @@
 """A UR5e whose links are a few plain primitives, and contacts constructed on them: truth without any mesh."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -37,13 +38,23 @@ PRIMITIVES: tuple[tuple[Primitive, ...], ...] = (
 
 @cache
 def plain_ur5e() -> robots.Robot:
-    """The arm's own kinematics and inertia, with `PRIMITIVES` for a surface."""
+    """The arm whose surface is `PRIMITIVES`."""
+    return ur5e_of(PRIMITIVES)
+
+
+def ur5e_of(primitives: Sequence[tuple[Primitive, ...]]) -> robots.Robot:
+    """The arm's own kinematics and inertia, with these primitives of each link for a surface."""
     arm = robots.load("ur5e")
     links = tuple(
         robots.Link(link.name, link.inertia, shapes)
-        for link, shapes in zip(arm.links, PRIMITIVES, strict=True)
+        for link, shapes in zip(arm.links, primitives, strict=True)
     )
     return robots.Robot(arm.name, links, arm.joints, arm.flange_rotation, arm.flange_translation)
+
+
+def plain_ur5e_on(base: tuple[Primitive, ...]) -> robots.Robot:
+    """The plain arm with other primitives of its base, which moves in no posture."""
+    return ur5e_of((base, *PRIMITIVES[1:]))
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from contactsense import JointTorqueSensor, Localizer, Scene, WrenchSensor, robots
+from contactsense import JointTorqueSensor, Localizer, Scene, WrenchSensor
 from contactsense.localization.accessibility import OWN_CLEARANCE, clearance
 from contactsense.localization.placed_surface import PlacedSurface
 from contactsense.readings import forward_model
@@ -16,7 +16,7 @@ from contactsense.robots.surroundings import Body
 from contactsense.runtime.state import State
 from contactsense.scene_model.constants import Constants, build_constants
 from tests.contactsense.localization.placed_arm import placed
-from tests.plain_arm import plain_ur5e
+from tests.plain_arm import plain_ur5e, plain_ur5e_on
 
 PENETRATION = 1e-3
 """Depth inside a link at which no contact can be: several standard deviations of the surface [m]."""
@@ -95,14 +95,9 @@ def test_a_concave_edge_can_be_touched(arm: Arm) -> None:
 
 
 def test_the_face_on_which_two_primitives_touch_cannot_be_touched() -> None:
-    plain = plain_ur5e()
     left = Box(center=(0.2, 0.3, 0.05), half=(0.1, 0.15, 0.05), rounding=0.001)
     right = Box(center=(0.4, 0.3, 0.04), half=(0.1, 0.15, 0.04), rounding=0.001)
-    base = robots.Link(plain.links[0].name, plain.links[0].inertia, (left, right))
-    robot = robots.Robot(
-        plain.name, (base, *plain.links[1:]), plain.joints, plain.flange_rotation, plain.flange_translation
-    )
-    constants = build_constants(Scene(robot=robot))
+    constants = build_constants(Scene(robot=plain_ur5e_on((left, right))))
     _, surface = placed(constants, Q)
     free = [
         clearance(

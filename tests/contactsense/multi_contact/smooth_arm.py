@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contactsense import Localizer, Scene, robots
+from contactsense import Localizer, Scene
 from contactsense.benchmarks.multi_contact.trials import Trial, Trials
 from contactsense.localization.placed_surface import PlacedSurface
 from contactsense.localization.primitive_frames import place_primitives
@@ -23,7 +23,8 @@ from contactsense.robots.primitives import Capsule, Ellipsoid, Primitive, Sphere
 from contactsense.robots.surface.convex_primitives import project
 from contactsense.runtime.state import State
 from contactsense.scene_model.constants import Constants
-from tests.plain_arm import plain_ur5e
+from tests.contactsense.multi_contact.joint_steps import JointSteps
+from tests.plain_arm import ur5e_of
 
 SHAPES: tuple[Primitive, ...] = (
     Sphere(center=(0, 0, 0.05), radius=0.09),
@@ -37,19 +38,8 @@ SHAPES: tuple[Primitive, ...] = (
 """One smooth body per link: at edges the curvature is discontinuous and solvers differ."""
 
 
-def _smooth() -> robots.Robot:
-    constants = plain_ur5e()
-    links = tuple(
-        robots.Link(link.name, link.inertia, (shape,))
-        for link, shape in zip(constants.links, SHAPES, strict=True)
-    )
-    return robots.Robot(
-        constants.name, links, constants.joints, constants.flange_rotation, constants.flange_translation
-    )
-
-
 NOTHING_KNOWN = KnownRows(0, 0)
-SCENE = Scene(robot=_smooth())
+SCENE = Scene(robot=ur5e_of([(shape,) for shape in SHAPES]))
 
 
 class Case(NamedTuple):
@@ -69,6 +59,10 @@ class Case(NamedTuple):
     @property
     def surface(self) -> PlacedSurface:
         return PlacedSurface(self.constants.surfaces, self.constants.deviations, self.state.frames)
+
+    @property
+    def steps(self) -> JointSteps:
+        return JointSteps(self.surface, self.buffers)
 
 
 def empty_case() -> Case:

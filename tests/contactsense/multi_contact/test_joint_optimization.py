@@ -43,7 +43,7 @@ def case() -> Case:
 
 def _optimize(case: Case, m: int, count: int, lanes: int = LANES, known: KnownRows = NOTHING_KNOWN) -> None:
     problem = case.problem(m, count, known)
-    joint_optimization.find_joint_modes(problem, lanes, np.inf, case.buffers.joint)
+    case.steps.find_joint_modes(problem, lanes)
 
 
 def _state_deviations(case: Case, count: int) -> None:
@@ -82,8 +82,7 @@ def test_the_gradients_are_those_of_the_energies(case: Case, count: int) -> None
             _state_rows(joint, i, scale * rng.standard_normal((known.rows, 8)))
     joint.lane[ACTIVE], joint.lane[MOVING] = 1.0, 1.0
     problem = case.problem(m, count, known)
-    joint_optimization.take_rows(problem, joint)
-    joint_energy.linearize(problem, joint)
+    case.steps.linearize(problem)
     save_iterate(count, joint)
     gradient, length = joint.step[: size * LANES].reshape(size, LANES).copy(), np.ones(LANES)
     for a in range(size):
@@ -197,8 +196,7 @@ def test_covariances_are_those_of_the_inverse_matrix(case: Case) -> None:
     m = take(case, trial, 0.0, 9)
     joint, size = case.buffers.joint, 3 * UNKNOWNS
     joint.lane[ACTIVE] = 1.0
-    joint_optimization.take_rows(case.problem(m, 3), joint)
-    joint_energy.linearize(case.problem(m, 3), joint)
+    case.steps.linearize(case.problem(m, 3))
     matrices = [_in_lane(joint.matrix[:size], lane, size) for lane in range(LANES)]
     joint_optimization._solve(3, joint)
     fill_covariances(3, joint)
@@ -240,7 +238,7 @@ def test_contacts_above_the_limit_are_rejected(case: Case) -> None:
     trial = case.trials.draw(2, 20.0, "different")
     m = take(case, trial, 0.01, 5)
     joint = case.buffers.joint
-    joint_optimization.find_joint_modes(case.problem(m, 2), LANES, -1.0, joint)
+    case.steps.find_joint_modes(case.problem(m, 2), LANES, limit=-1.0)
     assert np.isposinf(joint.lane[ENERGY]).all()
     assert np.isneginf(joint.lane[LOG_EVIDENCE]).all()
 
@@ -254,7 +252,7 @@ def test_the_prior_over_links_adds_to_the_evidence_once_per_contact(case: Case) 
         prior, joint = case.constants.prior._replace(log_link_density=log_link_density), case.buffers.joint
         surfaces = case.constants.surfaces
         problem = case.problem(m, 2)._replace(prior=prior)
-        joint_optimization.find_joint_modes(problem, 1, np.inf, joint)
+        case.steps.find_joint_modes(problem, 1)
         found.append(joint.lane[[ENERGY, LOG_EVIDENCE], 0])
         links = surfaces.link[joint.primitive[:2, 0]]
     assert links[0] != links[1]

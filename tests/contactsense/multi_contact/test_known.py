@@ -3,56 +3,39 @@
 import numpy as np
 import pytest
 
-from contactsense import Scene, robots
-from contactsense.localization.placed_surface import PlacedSurface
-from contactsense.multi_contact.buffers import (
-    Measurement,
-    MultiContactBuffers,
-    empty_multi_contact_buffers,
-)
+from contactsense import Scene
+from contactsense.multi_contact.buffers import Measurement, empty_multi_contact_buffers
 from contactsense.multi_contact.joint_problem import JointProblem
-from contactsense.multi_contact.known_prior import fill_known_prior
-from contactsense.multi_contact.known_rows import Known
-from contactsense.multi_contact.set_evidence import known_evidence
+from contactsense.multi_contact.known_rows import Known, KnownRows
 from contactsense.robots.primitives import Sphere
-from contactsense.runtime.state import State
 from contactsense.scene_model.constants import Constants, build_constants
 from tests.contactsense.localization.placed_arm import placed
-from tests.plain_arm import plain_ur5e
+from tests.contactsense.multi_contact.joint_steps import JointSteps
+from tests.plain_arm import plain_ur5e_on
 
 RADIUS = 0.09
 CENTER = np.array([0.0, 0.0, 0.05])
 NORMAL = np.array([0.0, 0.6, 0.8])
 
 
-def _constants() -> tuple[Constants, State, MultiContactBuffers]:
+def _constants() -> tuple[Constants, JointSteps]:
     """An arm whose base is a sphere."""
-    plain = plain_ur5e()
-    base = robots.Link(
-        plain.links[0].name, plain.links[0].inertia, (Sphere(center=(0.0, 0.0, 0.05), radius=RADIUS),)
-    )
-    robot = robots.Robot(
-        plain.name, (base, *plain.links[1:]), plain.joints, plain.flange_rotation, plain.flange_translation
-    )
+    robot = plain_ur5e_on((Sphere(center=(0.0, 0.0, 0.05), radius=RADIUS),))
     constants = build_constants(Scene(robot=robot))
-    return constants, placed(constants, np.zeros(6))[0], empty_multi_contact_buffers(constants)
+    _, surface = placed(constants, np.zeros(6))
+    return constants, JointSteps(surface, empty_multi_contact_buffers(constants))
 
 
 def log_known(covariance: np.ndarray, force: np.ndarray, drift: float) -> float:
     """Log evidence of one contact on the sphere before any measurement of a stream, and the prior's area."""
-    constants, state, buffers = _constants()
-    surfaces, prior, joint = constants.surfaces, constants.prior, buffers.joint
-    measurement = Measurement(buffers.rows, 0)
-    surface = PlacedSurface(surfaces, constants.deviations, state.frames)
-    contact = buffers.known
+    constants, steps = _constants()
+    prior, contact = constants.prior, steps.buffers.known
+    problem = JointProblem(constants.surfaces, prior, Measurement(steps.buffers.rows, 0), KnownRows(0, 0), 1)
     contact.primitive[0] = 0
     contact.point[0], contact.force[0] = CENTER + RADIUS * NORMAL, force
     contact.covariance[0] = covariance
-    known = Known(1, drift, measured=False)
-    rows = fill_known_prior(surface, prior, measurement, contact, known, joint, buffers.known_prior)
-    return known_evidence(JointProblem(surfaces, prior, measurement, rows, 1), joint) + float(
-        np.log(prior.area)
-    )
+    rows = steps.fill_known_prior(problem, Known(1, drift, measured=False))
+    return steps.known_evidence(problem._replace(known=rows)) + float(np.log(prior.area))
 
 
 @pytest.mark.parametrize("sigma", [0.003, 0.006])

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from contactsense.multi_contact.buffers import KNOWN_NUMBERS, Measurement
+from contactsense.multi_contact.buffers import KNOWN_NUMBERS
 from contactsense.multi_contact.contact_step import set_contact, vector_of
 from contactsense.multi_contact.joint_layout import NX, OFFSET_STEP, PX, SX, TX
-from contactsense.multi_contact.known_components import COMPONENT_WIDTH, COMPONENTS, fill_component_priors
-from contactsense.multi_contact.known_prior import fill_known_prior
+from contactsense.multi_contact.known_components import COMPONENT_WIDTH, COMPONENTS
 from contactsense.multi_contact.known_rows import Known
 from contactsense.robots.jit.lanes import LANES
 from contactsense.solvers.posterior.contact_prior import STUDENT_DOF, Prior
@@ -97,7 +96,7 @@ def test_forces_are_those_which_the_earlier_sample_measured_there(case: Case, co
             stated = np.array([*known.force[i], known.torsion[i], 0.0])
             y += A[i] @ _wrench(stated, known.point[i], np.array(vector_of(joint.contact[i], NX, 0)))
         held = Known(count, HELD, measured=True)
-        fill_component_priors(case.surface, prior, case.buffers, Measurement(case.buffers.rows, m), held, 0)
+        case.steps.fill_component_priors(case.problem(m, count), held, 0)
         means = _means(case, count)
         for lane in range(0, LANES, 3):
             contacts = []
@@ -118,10 +117,10 @@ def test_forces_are_those_which_the_earlier_sample_measured_there(case: Case, co
 @pytest.mark.parametrize("drift", [HELD, np.inf])
 @pytest.mark.parametrize("count", [1, 2])
 def test_a_component_is_a_known_contact_in_its_own_right(case: Case, count: int, drift: float) -> None:
-    prior, buffers = case.constants.prior, case.buffers
+    buffers = case.buffers
     known = Known(count, drift, measured=True)
-    measurement = Measurement(buffers.rows, _know(case, count))
-    found = fill_component_priors(case.surface, prior, buffers, measurement, known, 0)
+    problem = case.problem(_know(case, count), count)
+    found = case.steps.fill_component_priors(problem, known, 0)
     means = _means(case, count)
     in_lanes = buffers.joint.known_rows[:count].reshape(count, -1, KNOWN_NUMBERS, LANES)[:, : found.rows]
     in_lanes, covariance = in_lanes.copy(), buffers.known_prior.place_covariance[:count].copy()
@@ -130,9 +129,7 @@ def test_a_component_is_a_known_contact_in_its_own_right(case: Case, count: int,
             buffers.known.point[i], buffers.known.covariance[i] = means[i, :3, lane], covariance[i]
             if np.isfinite(drift):
                 buffers.known.force[i], buffers.known.torsion[i] = means[i, 3:6, lane], means[i, 6, lane]
-        stated = fill_known_prior(
-            case.surface, prior, measurement, buffers.known, known, buffers.joint, buffers.known_prior
-        )
+        stated = case.steps.fill_known_prior(problem, known)
         assert stated == found
         expected = buffers.joint.known_rows[:count].reshape(count, -1, KNOWN_NUMBERS, LANES)
         expected = expected[:, : stated.rows, :, 0]

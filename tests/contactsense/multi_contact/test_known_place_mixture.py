@@ -10,18 +10,15 @@ from contactsense.multi_contact.buffers import (
 )
 from contactsense.multi_contact.joint_covariance import fill_covariances
 from contactsense.multi_contact.joint_problem import JointProblem
-from contactsense.multi_contact.known_place_mixture import divide_known_places
-from contactsense.multi_contact.known_prior import fill_known_prior
-from contactsense.multi_contact.known_rows import Known
-from contactsense.multi_contact.set_evidence import known_evidence
+from contactsense.multi_contact.known_rows import Known, KnownRows
 from contactsense.multi_contact.stored_explanations import store_explanation
-from contactsense.robots import Link, Robot
 from contactsense.robots.primitives import Box, Primitive
 from contactsense.robots.vectors import Vector
 from contactsense.scene import Scene
 from contactsense.scene_model.constants import Constants, build_constants
 from tests.contactsense.localization.placed_arm import placed
-from tests.plain_arm import plain_ur5e
+from tests.contactsense.multi_contact.joint_steps import JointSteps
+from tests.plain_arm import plain_ur5e_on
 
 DEVIATION = 0.015
 """Standard deviation of the known place along the surface [m]."""
@@ -33,13 +30,7 @@ class _Known:
     def __init__(
         self, shapes: tuple[Primitive, ...], point: Vector, spread: Vector = (1.0, 1.0, 0.0)
     ) -> None:
-        plain = plain_ur5e()
-        base = Link(plain.links[0].name, plain.links[0].inertia, shapes)
-        robot = Robot(
-            plain.name, (base, *plain.links[1:]), plain.joints, plain.flange_rotation,
-            plain.flange_translation,
-        )  # fmt: skip
-        self.constants: Constants = build_constants(Scene(robot=robot))
+        self.constants: Constants = build_constants(Scene(robot=plain_ur5e_on(shapes)))
         self.buffers: MultiContactBuffers = empty_multi_contact_buffers(self.constants)
         _, self.surface = placed(self.constants, np.zeros(6))
         known = self.buffers.known
@@ -49,15 +40,13 @@ class _Known:
     def place(self, drift: float = np.inf) -> np.ndarray:
         """The only explanation's covariance of the place after it has been divided, shape (3, 3) [m^2]."""
         constants, buffers, joint = self.constants, self.buffers, self.buffers.joint
-        surfaces, prior, known = constants.surfaces, constants.prior, Known(1, drift, measured=True)
+        known, steps = Known(1, drift, measured=True), JointSteps(self.surface, buffers)
         measurement = Measurement(buffers.rows, 0)
-        rows = fill_known_prior(
-            self.surface, prior, measurement, buffers.known, known, joint, buffers.known_prior
-        )
-        known_evidence(JointProblem(surfaces, prior, measurement, rows, 1), joint)
+        problem = JointProblem(constants.surfaces, constants.prior, measurement, KnownRows(0, 0), 1)
+        steps.known_evidence(problem._replace(known=steps.fill_known_prior(problem, known)))
         fill_covariances(1, joint)
         store_explanation(joint, 0, 1, 0.0, buffers.explanations, 0)
-        divide_known_places(self.surface, prior, buffers, measurement, known, 1)
+        steps.divide_known_places(problem, known, 1)
         return np.array(buffers.explanations.covariance[0, 0])
 
 

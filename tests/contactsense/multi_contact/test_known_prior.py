@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from contactsense.multi_contact.buffers import UNKNOWNS, Measurement
+from contactsense.multi_contact.buffers import UNKNOWNS
 from contactsense.multi_contact.contact_step import vector_of
-from contactsense.multi_contact.joint_energy import linearize
 from contactsense.multi_contact.joint_layout import (
     ACTIVE,
     FORCE_PRIOR,
@@ -17,8 +16,6 @@ from contactsense.multi_contact.joint_layout import (
     TORSION,
     TX,
 )
-from contactsense.multi_contact.joint_optimization import take_rows
-from contactsense.multi_contact.known_prior import fill_known_prior
 from contactsense.multi_contact.known_rows import Known, KnownRows
 from contactsense.robots.jit.lanes import LANES
 from tests.contactsense.multi_contact.smooth_arm import Case, draw_known, empty_case
@@ -40,8 +37,7 @@ def _matrix(case: Case, m: int, known: KnownRows, count: int) -> np.ndarray:
     """Gauss-Newton matrix of the contacts in lane 0."""
     joint, problem = case.buffers.joint, case.problem(m, count, known)
     joint.lane[ACTIVE] = 1.0
-    take_rows(problem, joint)
-    linearize(problem, joint)
+    case.steps.linearize(problem)
     size = count * UNKNOWNS
     lower = np.tril(joint.matrix.reshape(len(joint.matrix), -1, LANES)[:size, :size, 0])
     return np.asarray(lower + np.tril(lower, -1).T)
@@ -65,11 +61,7 @@ def _state(case: Case, covariance: np.ndarray, count: int) -> None:
 
 
 def _prior(case: Case, m: int, count: int, drift: float, measured: bool = True) -> KnownRows:
-    constants, buffers = case.constants, case.buffers
-    return fill_known_prior(
-        case.surface, constants.prior, Measurement(buffers.rows, m), buffers.known,
-        Known(count, drift, measured), buffers.joint, buffers.known_prior,
-    )  # fmt: skip
+    return case.steps.fill_known_prior(case.problem(m, count), Known(count, drift, measured))
 
 
 def test_two_samples_of_an_unchanged_contact_tell_as_much_as_one_with_twice_the_information(

@@ -4,7 +4,6 @@ import numpy as np
 
 from contactsense.multi_contact.contact_step import vector_of
 from contactsense.multi_contact.joint_covariance import covariance_of, fill_covariances
-from contactsense.multi_contact.joint_optimization import find_joint_modes
 from contactsense.multi_contact.stored_explanations import store_explanation
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.convex_primitives import curvature
@@ -24,7 +23,7 @@ def test_the_covariance_of_a_place_has_the_tails_of_the_friction() -> None:
     joint, explanations = buffers.joint, buffers.explanations
     for _ in range(10):
         m = take(case, case.trials.draw(2, 20.0, "different"), 0.3, 2)
-        find_joint_modes(case.problem(m, 2), LANES, np.inf, joint)
+        case.steps.find_joint_modes(case.problem(m, 2), LANES)
         fill_covariances(2, joint)
         store_explanation(joint, 3, 2, 0.0, explanations, 0)
         for i, block in enumerate(joint.contact[:2]):
