@@ -107,7 +107,7 @@ def calibrate(
     selected = entries(start, settings.groups, settings.inertia_error)
     fitted, recordings, contacts = _fit_without_contacts(start, recordings, selected, settings, progress)
     bodies = possible_bodies(fitted, selected, start)
-    arm, kept = bodies.arm, fitted.kept
+    arm = bodies.arm
     progress("noise and model error")
     usable = [_settled_and_usable(recording, scene.bandwidth) for recording in recordings]
     before, after = (
@@ -122,28 +122,8 @@ def calibrate(
         ]
     measured = measured_channels(scene, recordings)
     noise_levels, wrenches = _noise(arm, recordings, usable, after, scene.bandwidth)
-    values = tuple(
-        Value(
-            entry,
-            value(start, entry),
-            value(arm, entry),
-            float(np.sqrt(fitted.covariance[i, i])),
-            kept.get(i, ""),
-        )
-        for i, entry in enumerate(selected)
-    )
-    warnings = [f"{selected[i].name}: {why}" for i, why in kept.items() if selected[i].group != "links"]
-    if scene.joint_torque is not None and noise_levels is not None:
-        progress("meaning of the torque signal")
-        stride = row_stride(recordings, scene.bandwidth)
-        warnings = (
-            setting_warnings(scene, compare_meanings(scene, recordings, scene.bandwidth, stride)) + warnings
-        )
-        warnings += [
-            f"{joint.name} never stopped or reversed: its uncertainty there is derived from Coulomb friction"
-            for joint, rest in zip(scene.robot.joints, noise_levels.rest_error, strict=True)
-            if np.isnan(rest)
-        ]
+    values = _values(start, arm, fitted, selected)
+    warnings = _warnings(scene, recordings, fitted, selected, noise_levels, progress)
     changed = {
         str(entry.group)
         for i, entry in enumerate(selected)
@@ -153,7 +133,7 @@ def calibrate(
         scene=scene_of(arm, changed, noise_levels, wrenches),
         values=tuple(v for v in values if v.entry.group != "links"),
         inertia=tuple(v for v in values if v.entry.group == "links"),
-        warnings=tuple(warnings),
+        warnings=warnings,
         before=residual_statistics(before, measured),
         after=residual_statistics(after, measured),
         unconstrained=residual_statistics(unconstrained, measured),
@@ -163,6 +143,41 @@ def calibrate(
         contacts=contacts,
         seconds=sum(_usable_seconds(recording) for recording in recordings),
     )
+
+
+def _values(
+    start: CalibrationModel, arm: CalibrationModel, fitted: FittedModel, selected: tuple[Entry, ...]
+) -> tuple[Value, ...]:
+    """Each selected parameter before and after."""
+    std = np.sqrt(np.diag(fitted.covariance))
+    return tuple(
+        Value(entry, value(start, entry), value(arm, entry), float(std[i]), fitted.kept.get(i, ""))
+        for i, entry in enumerate(selected)
+    )
+
+
+def _warnings(
+    scene: Scene,
+    recordings: list[FreeMotion],
+    fitted: FittedModel,
+    selected: tuple[Entry, ...],
+    noise_levels: NoiseLevels | None,
+    progress: Callable[[str], None],
+) -> tuple[str, ...]:
+    """What the user should know: settings that the torques contradict, parameters that kept their value, and
+    joints whose friction at rest was not seen."""
+    kept = [f"{selected[i].name}: {why}" for i, why in fitted.kept.items() if selected[i].group != "links"]
+    if scene.joint_torque is None or noise_levels is None:
+        return tuple(kept)
+    progress("meaning of the torque signal")
+    stride = row_stride(recordings, scene.bandwidth)
+    contradicted = setting_warnings(scene, compare_meanings(scene, recordings, scene.bandwidth, stride))
+    never_stopped = [
+        f"{joint.name} never stopped or reversed: its uncertainty there is derived from Coulomb friction"
+        for joint, rest in zip(scene.robot.joints, noise_levels.rest_error, strict=True)
+        if np.isnan(rest)
+    ]
+    return (*contradicted, *kept, *never_stopped)
 
 
 def _fit_without_contacts(
