@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.convex_primitives import BOX, REVOLVED, project
 from contactsense.solvers import Box, Revolved
 
@@ -21,6 +21,16 @@ class Contacts:
     """Forces [N], shape (N, 3)."""
     moment: np.ndarray
     """Moments [Nm], shape (N, 3)."""
+    torsion: np.ndarray
+    """Moments about the normals [Nm], shape (N,)."""
+
+    def relative_condition(self, condition: np.ndarray) -> np.ndarray:
+        """Relative shift of the centroid for a small relative change of the wrench, shape (N,).
+
+        `condition`: as the solver states it, shape (N,).
+        """
+        lever = np.linalg.norm(self.moment, axis=1) / np.linalg.norm(self.force, axis=1)
+        return np.asarray(1.0 + condition * (1.0 + lever / np.linalg.norm(self.centroid, axis=1)))
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:
@@ -54,10 +64,10 @@ def press(
         force = across / np.maximum(slip, 1.0) - np.abs(push) * normal
     size = float(np.abs(centroid).max())
     xi = torsion * size * rng.normal(size=(count, 1)) * np.linalg.norm(force, axis=1, keepdims=True)
-    return Contacts(centroid, normal, force, np.cross(centroid, force) + xi * normal)
+    return Contacts(centroid, normal, force, np.cross(centroid, force) + xi * normal, xi[:, 0])
 
 
-@njit(error_model="numpy")
+@kernel
 def _project(kind: int, size: tuple[float, ...], points: np.ndarray, out: np.ndarray) -> None:
     for i in range(points.shape[0]):
         _, out[i, 0], out[i, 1], out[i, 2], out[i, 3], out[i, 4], out[i, 5] = project(

@@ -1,13 +1,11 @@
-"""Contacts that are known because they were constructed: surface points, normals, and wrenches that act
-there."""
+"""Contacts that are known because they were constructed, on every surface that has a solver."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TypeAlias, TypeVar
 
 import numpy as np
 
-from contactsense.robots.surface.convex_primitives import BOX, REVOLVED, project
+from contactsense.benchmarks.solvers.sampling import Contacts, points_on_packed, press, unit
 from contactsense.solvers import (
     Box,
     Capsule,
@@ -29,29 +27,8 @@ from contactsense.solvers.general_convex.implicit_surfaces import evaluate
 Sampler: TypeAlias = Callable[..., tuple[np.ndarray, np.ndarray]]
 F = TypeVar("F", bound=Sampler)
 
-POINTS: dict[type, Sampler] = {}
+POINTS: dict[type, Sampler] = {Revolved: points_on_packed, Box: points_on_packed}
 """Type of a surface -> function (surface, rng, count) that draws surface points and their normals."""
-
-
-def unit(vectors: np.ndarray) -> np.ndarray:
-    """Rows scaled to length one."""
-    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
-
-
-@dataclass(frozen=True)
-class Contacts:
-    """Constructed contacts, one a row."""
-
-    centroid: np.ndarray
-    normal: np.ndarray
-    force: np.ndarray
-    moment: np.ndarray
-    torsion: np.ndarray
-
-    def relative_condition(self, condition: np.ndarray) -> np.ndarray:
-        """Relative shift of the centroid for a small relative change of the wrench, shape (N,)."""
-        lever = np.linalg.norm(self.moment, axis=1) / np.linalg.norm(self.force, axis=1)
-        return 1.0 + condition * (1.0 + lever / np.linalg.norm(self.centroid, axis=1))
 
 
 def draw(surface: Surface, rng: np.random.Generator, count: int, torsion: float = 0.5) -> Contacts:
@@ -59,13 +36,7 @@ def draw(surface: Surface, rng: np.random.Generator, count: int, torsion: float 
 
     `torsion` is the size of the moment about the normal relative to force times the surface's size.
     """
-    centroid, normal = POINTS[type(surface)](surface, rng, count)
-    force = 10.0 * unit(rng.normal(size=(count, 3))) * rng.lognormal(size=(count, 1))
-    force *= -np.sign(np.sum(force * normal, axis=1, keepdims=True))
-    size = np.abs(centroid).max()
-    xi = torsion * size * rng.normal(size=count) * np.linalg.norm(force, axis=1)
-    moment = np.cross(centroid, force) + xi[:, None] * normal
-    return Contacts(centroid, normal, force, moment, xi)
+    return press(rng, *POINTS[type(surface)](surface, rng, count), torsion)
 
 
 def points_on(*kinds: type) -> Callable[[F], F]:
@@ -137,21 +108,6 @@ def _cone(surface: Cone, rng: np.random.Generator, count: int) -> tuple[np.ndarr
     z = apex * (1.0 - rng.lognormal(size=(count, 1)))
     n = unit(e + np.array((0.0, 0.0, surface.taper)))
     return (surface.radius - surface.taper * z) * e + z * (0.0, 0.0, 1.0), n
-
-
-@points_on(Revolved, Box)
-def _packed(surface: Revolved | Box, rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
-    if isinstance(surface, Revolved):
-        kind, size = REVOLVED, (surface.half, surface.lower, surface.upper, surface.rounding)
-        extent = np.array((size[1] + size[2] + size[3],) * 2 + (size[0] + size[3],))
-    else:
-        kind, size = BOX, (surface.bx, surface.by, surface.bz, surface.rounding)
-        extent = np.array(size[:3]) + size[3]
-    points = 1.5 * extent * rng.normal(size=(count, 3))
-    out = np.array([project(kind, size, *p) for p in points])
-    # Once more from far outside, where the normal is exact.
-    out = np.array([project(kind, size, *(row[1:4] + sum(size) * row[4:])) for row in out])
-    return out[:, 1:4], out[:, 4:]
 
 
 @points_on(Fingertip)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from contactsense.benchmarks.solvers.sampling import unit
 from contactsense.solvers import (
     Box,
     Capsule,
@@ -20,7 +21,7 @@ from contactsense.solvers import (
     solve,
     solve_batch,
 )
-from tests.contactsense.solvers.contacts import draw, unit
+from tests.contactsense.solvers.contacts import draw
 
 UP, DOWN = (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)
 TIP = Compound(

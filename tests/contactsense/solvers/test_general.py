@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from numba import njit
 
+from contactsense.benchmarks.solvers.sampling import unit
 from contactsense.solvers import (
     Box,
     Convex,
@@ -22,7 +23,7 @@ from contactsense.solvers.general_convex.general import solve_smooth_counted
 from contactsense.solvers.general_convex.implicit_surfaces import ELLIPSOID, evaluate
 from contactsense.solvers.general_convex.level_set import SmoothBody
 from contactsense.solvers.wrench import wrench_of
-from tests.contactsense.solvers.contacts import draw, unit
+from tests.contactsense.solvers.contacts import draw
 
 CUBE = [(x, y, z) for x in (-0.1, 0.1) for y in (-0.04, 0.04) for z in (-0.07, 0.07)]
 STONE = unit(np.random.default_rng(1).normal(size=(30, 3))) * (0.1, 0.05, 0.07)

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from contactsense.benchmarks.solvers.sampling import unit
 from contactsense.solvers import (
     Box,
     Capsule,
@@ -17,7 +18,7 @@ from contactsense.solvers import (
     TaperedCapsule,
     solve,
 )
-from tests.contactsense.solvers.contacts import POINTS, unit
+from tests.contactsense.solvers.contacts import POINTS
 
 LENGTHS = st.floats(0.02, 0.2)
 ROUNDINGS = st.floats(0.005, 0.05)

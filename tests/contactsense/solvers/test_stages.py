@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from contactsense.benchmarks.solvers.sampling import Contacts
 from contactsense.robots.vectors import Vector
 from contactsense.solvers import Status, Superquadric, solve_batch
 from contactsense.solvers.general_convex.ellipsoid_method import bracket_contact
@@ -12,7 +13,7 @@ from contactsense.solvers.general_convex.level_set import SmoothBody
 from contactsense.solvers.general_convex.newton import newton_iteration
 from contactsense.solvers.general_convex.osculating import gauge_at, osculate, osculating_iteration
 from contactsense.solvers.wrench import wrench_of
-from tests.contactsense.solvers.contacts import Contacts, draw
+from tests.contactsense.solvers.contacts import draw
 
 SIX = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
