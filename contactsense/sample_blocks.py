@@ -77,7 +77,7 @@ class SampleBlock:
 
     @property
     def link_values(self) -> dict[str, np.ndarray]:
-        """Values of the link sensors by field, see `contactsense.sensors.link_values`."""
+        """Values of the link sensors by field, each (N, 6), see `contactsense.sensors.link_values`."""
         return by_field(self.wrist_wrench, self.link_wrenches)
 
     def split(self, size: int) -> Iterator[Self]:

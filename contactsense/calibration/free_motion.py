@@ -61,7 +61,8 @@ class FreeMotion:
 
     @property
     def readings(self) -> dict[str, np.ndarray]:
-        """Readings of all force/torque sensors that were recorded, by field of the scene."""
+        """Readings of all force/torque sensors that were recorded, by field of the scene, each (N, 6), in the
+        sensor's own frame and sign [N, Nm]."""
         base = {} if self.reading is None else {"base_wrench": self.reading}
         return base | dict(self.link_readings)
 

@@ -54,7 +54,15 @@ def tracked_contact(
     covariance: np.ndarray,
     force: np.ndarray,
 ) -> TrackedContact:
-    """Convert a contact from the base frame to its link frame."""
+    """Convert a contact from the base frame to its link frame.
+
+    Args:
+        constants: What the kernels know of the scene.
+        motion: Poses of the links.
+        primitive: Index of the contact's primitive among all of the arm.
+        point, normal, force: Shapes (3,) [m, -, N].
+        covariance: Of the point, shape (3, 3) [m^2].
+    """
     body = int(constants.sensors.depth[constants.surfaces.link[primitive]])
     R = motion.rotation[body]
     return TrackedContact(

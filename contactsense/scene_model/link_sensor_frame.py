@@ -30,7 +30,7 @@ class LinkSensorFrame:
         return np.asarray(self._sign * (reading - self._bias) @ self._to_base(q).T)
 
     def reading(self, q: np.ndarray, wrench: np.ndarray) -> np.ndarray:
-        """The sensor's reading under a wrench; the inverse of `wrench`."""
+        """The sensor's reading under a wrench, shape (..., 6) [N, Nm]; the inverse of `wrench`."""
         return np.asarray(self._sign * wrench @ np.linalg.inv(self._to_base(q)).T + self._bias)
 
     def wrenches(self, q: np.ndarray, readings: np.ndarray) -> np.ndarray:

@@ -202,7 +202,7 @@ def reads_other_signal(setup: Setup, scene: Scene) -> bool:
 
 
 def signed_permutations() -> list[np.ndarray]:
-    """The 48 matrices that exchange and reverse axes; the identity is the first."""
+    """The 48 matrices (3, 3) that exchange and reverse axes; the identity is the first."""
     return [
         np.diag(signs) @ np.eye(3)[list(order)]
         for order in permutations(range(3))

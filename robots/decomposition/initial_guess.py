@@ -10,7 +10,7 @@ from contactsense.robots.surface.convex_primitives import BOX, REVOLVED
 
 
 def one(kind: int, rotation: np.ndarray, origin: np.ndarray, size: tuple[float, ...]) -> Bodies:
-    """A single body."""
+    """A single body of that kind, with its axes as columns (3, 3), its middle (3,) [m] and its size [m]."""
     full = np.zeros((1, 8))
     full[0, : len(size)] = size
     return Bodies(
@@ -19,8 +19,11 @@ def one(kind: int, rotation: np.ndarray, origin: np.ndarray, size: tuple[float, 
 
 
 def revolved(points: np.ndarray, normals: np.ndarray, axis: np.ndarray, least: float) -> Bodies | None:
-    """A rounded cylinder along `axis` through oriented points; None if the surface is not curved about that
-    axis."""
+    """A rounded cylinder along a unit vector through oriented points; None if the surface is not curved about
+    that axis.
+
+    `points`, `normals`: shapes (N, 3), `axis`: (3,), all in one frame [m]. `least`: smallest radius [m].
+    """
     frame = frame_along(axis)
     local, local_normals = points @ frame, normals @ frame
     side = np.abs(local_normals[:, 2]) < 0.5
@@ -45,7 +48,8 @@ def revolved(points: np.ndarray, normals: np.ndarray, axis: np.ndarray, least: f
 
 
 def box(points: np.ndarray, frame: np.ndarray, least: float) -> Bodies:
-    """A rounded box with the axes of `frame` around points."""
+    """A rounded box around points (N, 3) [m], along the columns of `frame` (3, 3). `least`: smallest radius
+    of its edges [m]."""
     local = points @ frame
     low, high = np.percentile(local, (2.0, 98.0), axis=0)
     half = np.maximum((high - low) / 2.0, 2.0 * least)

@@ -23,8 +23,11 @@ def primitives(bodies: Bodies) -> tuple[Primitive, ...]:
 
 
 def primitive(kind: int, rotation: np.ndarray, origin: np.ndarray, size: np.ndarray) -> Primitive:
-    """One body of `contactsense.robots.surface.convex_primitives` as the simplest primitive that describes
-    it."""
+    """One body of `contactsense.robots.surface.convex_primitives`, as the simplest primitive that fits it.
+
+    `rotation`, `origin`: its frame in the link frame, shapes (3, 3) and (3,) [m]; `size`: its dimensions by
+    kind [m].
+    """
     if kind == REVOLVED:
         return _revolved(rotation[:, 2], origin, size)
     if kind == ELLIPSOID:

@@ -114,18 +114,23 @@ def tangential(bend: np.ndarray, normal: np.ndarray) -> np.ndarray:
 
 
 def around_axis(normal: np.ndarray, bend: float) -> np.ndarray:
-    """Shape operator of a surface that is curved around z only, by `bend` [1/m]."""
+    """Shape operator (3, 3) [1/m] of a surface that is curved around z only, by `bend` [1/m], where its unit
+    normal (3,) is not along z."""
     along = np.array((-normal[1], normal[0], 0.0)) / np.hypot(normal[0], normal[1])
     return np.asarray(bend * np.outer(along, along))
 
 
 def packed_shape(kind: int, size: tuple[float, ...], point: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """Shape operator of a primitive as `contactsense.robots.surface.convex_primitives` packs it."""
+    """Shape operator (3, 3) [1/m] of a primitive as `contactsense.robots.surface.convex_primitives` packs it.
+
+    `point`, `normal`: surface point [m] and outward unit normal there, body frame, shapes (3,).
+    """
     return symmetric(curvature(kind, size, *point, *normal))
 
 
 def level_shape(level: tuple[float, ...], normal: np.ndarray) -> np.ndarray:
-    """Shape operator from value, gradient and Hessian of a function that is constant on the surface."""
+    """Shape operator (3, 3) [1/m] where the surface has this unit normal (3,), from value, gradient and
+    Hessian (xx, yy, zz, xy, xz, yz) of a function that is constant on the surface."""
     _, gx, gy, gz, xx, yy, zz, xy, xz, yz = level
     bend = symmetric((xx, xy, xz, yy, yz, zz))
     return tangential(bend, normal) / float(np.linalg.norm((gx, gy, gz)))
