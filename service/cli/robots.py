@@ -24,16 +24,16 @@ from contactsense.service.drawing.posture import usual_posture
 @click.argument("name", required=False)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @click.option("--picture", type=click.Path(path_type=Path), help="Draw NAME's primitives into this PNG.")
-@click.option("--pose", help="Joint angles for the picture in degrees, separated by commas.")
+@click.option("--posture", help="Joint angles for the picture in degrees, separated by commas.")
 @click.option("--coarse", is_flag=True, help="Draw the coarse level of detail instead of the fine one.")
-def robots(name: str | None, as_json: bool, picture: Path | None, pose: str | None, coarse: bool) -> None:
+def robots(name: str | None, as_json: bool, picture: Path | None, posture: str | None, coarse: bool) -> None:
     """List the arms, or show NAME: its links, joints and primitives. NAME may be a path to a
     URDF or a .yaml file.
 
     Of a URDF, the arm is the longest chain of revolute joints, without a gripper's fingers.
     """
-    if picture is None and (pose is not None or coarse):
-        raise click.UsageError(f"{'--coarse' if pose is None else '--pose'} needs --picture")
+    if picture is None and (posture is not None or coarse):
+        raise click.UsageError(f"{'--coarse' if posture is None else '--posture'} needs --picture")
     if name is None:
         if picture is not None:
             raise click.UsageError("--picture needs the NAME of a robot")
@@ -48,7 +48,7 @@ def robots(name: str | None, as_json: bool, picture: Path | None, pose: str | No
     except RobotError as error:
         raise click.ClickException(str(error)) from error
     if picture is not None:
-        _draw(robot, picture, pose, coarse)
+        _draw(robot, picture, posture, coarse)
     if as_json:
         click.echo(json.dumps(_details(robot), indent=1))
     elif picture is None:
@@ -97,9 +97,9 @@ def _show(robot: Robot) -> None:
     console.print(joints)
 
 
-def _draw(robot: Robot, path: Path, pose: str | None, coarse: bool) -> None:
+def _draw(robot: Robot, path: Path, posture: str | None, coarse: bool) -> None:
     joints = len(robot.joints)
-    q = usual_posture(robot) if pose is None else joint_angles("--pose", pose, joints)
+    q = usual_posture(robot) if posture is None else joint_angles("--posture", posture, joints)
     with picture_file(path):
         from contactsense.robots.rendering import draw_arm
 

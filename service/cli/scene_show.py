@@ -24,9 +24,9 @@ from contactsense.service.scene.summary import (
 @click.command()
 @click.argument("path", metavar="SCENE", type=click.Path(path_type=Path))
 @click.option("--picture", type=click.Path(path_type=Path), help="Draw the arm in its place into this PNG.")
-@click.option("--pose", help="Joint angles in degrees, separated by commas, for picture and readings.")
+@click.option("--posture", help="Joint angles in degrees, separated by commas, for picture and readings.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-def show(path: Path, picture: Path | None, pose: str | None, as_json: bool) -> None:
+def show(path: Path, picture: Path | None, posture: str | None, as_json: bool) -> None:
     """Print what was understood of SCENE: mounting, tool, sensors, what they must read at rest."""
     try:
         scene = Scene.load(path)
@@ -37,7 +37,7 @@ def show(path: Path, picture: Path | None, pose: str | None, as_json: bool) -> N
     except SceneError as error:
         raise click.ClickException(f"{path}: {error}") from None
     joints = len(scene.robot.joints)
-    q = usual_posture(scene.robot) if pose is None else joint_angles("--pose", pose, joints)
+    q = usual_posture(scene.robot) if posture is None else joint_angles("--posture", posture, joints)
     if picture is not None:
         with picture_file(picture):
             from contactsense.service.scene.picture import draw_scene

@@ -50,7 +50,7 @@ def test_robots_shows_one() -> None:
 
 def test_robots_draws_one(tmp_path: Path) -> None:
     picture = tmp_path / "arm.png"
-    result = call("robots", "ur5e", "--picture", str(picture), "--pose", "0,-90,90,0,30,0")
+    result = call("robots", "ur5e", "--picture", str(picture), "--posture", "0,-90,90,0,30,0")
     assert result.exit_code == 0, result.output
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert len(picture.read_bytes()) > 10000
@@ -61,17 +61,17 @@ def test_robots_draws_one(tmp_path: Path) -> None:
     [
         (["robots", "ur7"], 1, "there are ur3, ur3e"),
         (["robots", "--picture", "x.png"], 2, "needs the NAME"),
-        (["robots", "ur5e", "--pose", "0,0,0,0,0,0"], 2, "--pose needs --picture"),
+        (["robots", "ur5e", "--posture", "0,0,0,0,0,0"], 2, "--posture needs --picture"),
         (["robots", "ur5e", "--coarse"], 2, "--coarse needs --picture"),
         (
-            ["robots", "ur5e", "--picture", "x.png", "--pose", "1,2"],
+            ["robots", "ur5e", "--picture", "x.png", "--posture", "1,2"],
             2,
-            "--pose: expected 6 angles in degrees",
+            "--posture: expected 6 angles in degrees",
         ),
         (
-            ["robots", "ur5e", "--picture", "x.png", "--pose", "1,b"],
+            ["robots", "ur5e", "--picture", "x.png", "--posture", "1,b"],
             2,
-            "--pose: expected 6 angles in degrees",
+            "--posture: expected 6 angles in degrees",
         ),
         (["decompose", "ur7"], 1, "unknown robot"),
         (["decompose", "none.urdf"], 1, "none.urdf: no such file"),

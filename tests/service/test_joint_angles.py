@@ -11,7 +11,7 @@ from contactsense.service.cli.joint_angles import joint_angles
     [
         (
             "0,-1.5708,1.5708",
-            "warning: --pose: degrees are expected; if 0,-1.5708,1.5708 is in rad: 0,-90,90\n",
+            "warning: --posture: degrees are expected; if 0,-1.5708,1.5708 is in rad: 0,-90,90\n",
         ),
         ("0,-90,0.5", ""),
         ("0,0,1", ""),
@@ -20,5 +20,5 @@ from contactsense.service.cli.joint_angles import joint_angles
 def test_angles_that_look_like_radians_are_asked_about(
     text: str, warning: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    np.testing.assert_allclose(joint_angles("--pose", text, 3), np.radians(np.fromstring(text, sep=",")))
+    np.testing.assert_allclose(joint_angles("--posture", text, 3), np.radians(np.fromstring(text, sep=",")))
     assert capsys.readouterr().err == warning

@@ -104,7 +104,7 @@ def test_show_prints_what_was_understood(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     assert "base z axis 90.0 deg from the vertical" in result.output
     assert "warning: base_wrench.range: expected more than" in result.output
-    plain = json.loads(_run("show", path, "--json", "--pose", "0,-90,0,0,0,0").stdout)
+    plain = json.loads(_run("show", path, "--json", "--posture", "0,-90,0,0,0,0").stdout)
     assert plain["gravity_base"] == pytest.approx([9.81, 0.0, 0.0])
     assert plain["link_prior"]["upper_arm"] > 0.3 > 0.1 > plain["link_prior"]["wrist_3"]
     assert plain["base_reading_at_rest"][0] == pytest.approx(9.81 * plain["mass"])
@@ -114,7 +114,10 @@ def test_show_prints_what_was_understood(tmp_path: Path) -> None:
     ("words", "message"),
     [
         (["gone.yaml"], "cannot read the scene"),
-        (["a.yaml", "--pose", "1,2"], "--pose: expected 6 angles in degrees, separated by commas, got '1,2'"),
+        (
+            ["a.yaml", "--posture", "1,2"],
+            "--posture: expected 6 angles in degrees, separated by commas, got '1,2'",
+        ),
         (["a.yaml", "--picture", "no/where.png"], "no/where.png: cannot write the picture: No such file"),
     ],
 )
