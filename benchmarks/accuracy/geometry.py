@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
@@ -13,12 +13,21 @@ from rich.table import Table
 from contactsense import robots as library
 from contactsense.benchmarks import options
 from contactsense.benchmarks.accuracy.link_geometry import measure_links, print_links
-from contactsense.robots import Robot, RobotError
+from contactsense.robots import Link, Robot, RobotError
 from contactsense.robots import yaml_schema as schema
 from contactsense.robots.library import surface_file
+from contactsense.robots.surface.signed_distance_grid import Grids, project_to_skin, sample
+from contactsense.robots.vectors import vector
+
+if TYPE_CHECKING:
+    import trimesh
+
+    from contactsense.robots.decomposition.outer_skin import Skin, Surroundings
 
 LEVELS = ("coarse", "fine", "skin")
 COLUMNS = ("p50", "p95", "max")
+BYTES = 184
+"""Of a primitive in the arrays of `contactsense.robots.surface.convex_primitives.Surfaces`."""
 
 
 @click.command()
@@ -53,8 +62,6 @@ def geometry(meshes: Path, names: tuple[str, ...], links: bool, as_json: bool) -
 
 def _measure(robot: Robot, folder: Path) -> list[dict[str, Any]]:
     """One row for each level of detail of one arm."""
-    import trimesh
-
     from contactsense.robots.decomposition.distance_samples import Shape
     from contactsense.robots.decomposition.grid_builder import cached
     from contactsense.robots.decomposition.neighbour_poses import neighbour_poses
@@ -63,12 +70,9 @@ def _measure(robot: Robot, folder: Path) -> list[dict[str, Any]]:
         Errors,
         bodies_of,
         errors,
-        exposed_surface,
         together,
     )
     from contactsense.robots.meshes import from_folder
-    from contactsense.robots.surface.signed_distance_grid import project_to_skin, sample
-    from contactsense.robots.vectors import vector
 
     meshes = from_folder(folder, robot.link_names)
     grids = cached(robot, meshes)
@@ -80,21 +84,8 @@ def _measure(robot: Robot, folder: Path) -> list[dict[str, Any]]:
         shape, around = Shape(skin), Surroundings(meshes[link.name], poses)
         for name, shapes in (("coarse", link.coarse), ("fine", link.primitives)):
             found[name].append(errors(bodies_of(shapes), skin, shape, around, seed=1))
-        exposed = skin.exposure > 0.0
-        points, normals = skin.points[exposed], skin.normals[exposed]
-        sampled = [sample(grids, number, vector(point)) for point in points]
-        distance, slope = np.array([d for d, _ in sampled]), np.array([s for _, s in sampled])
-        gradient = slope / np.maximum(np.linalg.norm(slope, axis=1, keepdims=True), 1e-9)
-        angle = np.arccos(np.clip(np.einsum("ij,ij->i", gradient, normals), -1.0, 1.0))
-        rng = np.random.default_rng(1)
-        start = exposed_surface(bodies_of(link.primitives), 5000, rng)
-        projected = [project_to_skin(grids, number, vector(point), 3) for point in start]
-        level = np.array([(distance, *point, *normal) for distance, point, normal in projected])
-        level = level[np.isfinite(level[:, 0])]
-        level = level[around.exposure_of_model(level[:, 1:4], level[:, 4:], rng) > 0.0]
-        back = trimesh.proximity.closest_point(  # type: ignore[no-untyped-call]
-            meshes[link.name], level[:, 1:4]
-        )[1]
+        distance, angle = _grid_at_skin(grids, number, skin)
+        back = _skin_at_grid(grids, number, link, meshes[link.name], around)
         skin_level.append(Errors(distance, back, angle, found["fine"][-1].area))
     seconds = schema.read_surface(surface_file(robot.name)).fit_seconds
     common = {"robot": robot.name, "fit_seconds": seconds}
@@ -104,15 +95,45 @@ def _measure(robot: Robot, folder: Path) -> list[dict[str, Any]]:
     }
     rows = [
         common
-        | {"level": level, "primitives": counts[level], "bytes": counts[level] * 184}
+        | {"level": level, "primitives": counts[level], "bytes": counts[level] * BYTES}
         | _row(together(parts))
         for level, parts in found.items()
     ]
-    size = counts["fine"] * 184 + grids.values.nbytes
+    size = counts["fine"] * BYTES + grids.values.nbytes
     rows.append(
         common | {"level": "skin", "primitives": counts["fine"], "bytes": size} | _row(together(skin_level))
     )
     return rows
+
+
+def _grid_at_skin(grids: Grids, number: int, skin: "Skin") -> tuple[np.ndarray, np.ndarray]:
+    """Signed distance [m] and angle to the normal [rad] that a link's grid has at the N exposed points of its
+    skin, shapes (N,)."""
+    exposed = skin.exposure > 0.0
+    points, normals = skin.points[exposed], skin.normals[exposed]
+    sampled = [sample(grids, number, vector(point)) for point in points]
+    distance, slope = np.array([d for d, _ in sampled]), np.array([s for _, s in sampled])
+    gradient = slope / np.maximum(np.linalg.norm(slope, axis=1, keepdims=True), 1e-9)
+    return distance, np.arccos(np.clip(np.einsum("ij,ij->i", gradient, normals), -1.0, 1.0))
+
+
+def _skin_at_grid(
+    grids: Grids, number: int, link: Link, mesh: "trimesh.Trimesh", around: "Surroundings"
+) -> np.ndarray:
+    """Distances from exposed points of the grid's surface to the mesh, shape (M,) [m]."""
+    import trimesh
+
+    from contactsense.robots.decomposition.surface_error import bodies_of, exposed_surface
+
+    rng = np.random.default_rng(1)
+    start = exposed_surface(bodies_of(link.primitives), 5000, rng)
+    projected = [project_to_skin(grids, number, vector(point), 3) for point in start]
+    level = np.array([(distance, *point, *normal) for distance, point, normal in projected])
+    level = level[np.isfinite(level[:, 0])]
+    level = level[around.exposure_of_model(level[:, 1:4], level[:, 4:], rng) > 0.0]
+    return np.asarray(
+        trimesh.proximity.closest_point(mesh, level[:, 1:4])[1]  # type: ignore[no-untyped-call]
+    )
 
 
 def _row(found: Any) -> dict[str, Any]:
