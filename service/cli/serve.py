@@ -12,6 +12,7 @@ from typing import Any
 
 import click
 import uvicorn
+from fastapi import FastAPI
 from rich.console import Console
 
 from contactsense.robots.jit.compilation import CompilationProgress
@@ -127,30 +128,7 @@ def serve(**options: Any) -> int:
             app.state.service.ports.check()
         except PortError as error:
             raise click.ClickException(str(error)) from None
-        limits = app.state.service.connections
-        config = uvicorn.Config(
-            app,
-            http=http_protocol(limits),
-            ws=websocket_protocol(limits),
-            ws_max_size=1_000_000,
-            ssl_certfile=settings.tls_certificate,
-            ssl_keyfile=settings.tls_key,
-            server_header=False,
-            log_config=None,
-            log_level="warning",
-            ws_per_message_deflate=False,  # here compression costs more time than it saves
-            timeout_graceful_shutdown=3,
-        )
-        try:
-            config.load()
-        except OSError as error:
-            expected = (
-                "expected a certificate and its key in PEM: " if isinstance(error, ssl.SSLError) else ""
-            )
-            raise click.ClickException(
-                f"{settings.tls_certificate}, {settings.tls_key}: cannot be used for TLS: "
-                f"{expected}{error.strerror}"
-            ) from None
+        config = _server_config(app, settings)
         scheme = "http" if settings.tls_certificate is None else "https"
         url = f"{scheme}://{settings.host}:{listener.getsockname()[1]}"
         click.echo(f"{READY}{url}")
@@ -161,6 +139,37 @@ def serve(**options: Any) -> int:
         with contextlib.suppress(KeyboardInterrupt):
             _Server(config).run([listener])
     return 0
+
+
+def _server_config(app: FastAPI, settings: Settings) -> uvicorn.Config:
+    """How uvicorn serves the application; certificate and key are loaded.
+
+    Raises:
+        click.ClickException: They cannot be used.
+    """
+    limits = app.state.service.connections
+    config = uvicorn.Config(
+        app,
+        http=http_protocol(limits),
+        ws=websocket_protocol(limits),
+        ws_max_size=1_000_000,
+        ssl_certfile=settings.tls_certificate,
+        ssl_keyfile=settings.tls_key,
+        server_header=False,
+        log_config=None,
+        log_level="warning",
+        ws_per_message_deflate=False,  # here compression costs more time than it saves
+        timeout_graceful_shutdown=3,
+    )
+    try:
+        config.load()
+    except OSError as error:
+        expected = "expected a certificate and its key in PEM: " if isinstance(error, ssl.SSLError) else ""
+        raise click.ClickException(
+            f"{settings.tls_certificate}, {settings.tls_key}: cannot be used for TLS: "
+            f"{expected}{error.strerror}"
+        ) from None
+    return config
 
 
 def pages(url: str, token_file: Path | None) -> str:
@@ -174,8 +183,8 @@ class _Server(uvicorn.Server):
     """Shuts down in order on SIGINT and SIGTERM, however often they come.
 
     uvicorn leaves out the shutdown at a second SIGINT, which would leave the pipeline to itself, and raises
-    each signal again at the end. An impatient Ctrl-C, or one that a shell and `timeout` both pass on, then
-    ended in a traceback.
+    each signal again at the end. An impatient Ctrl-C, or one that a shell and `timeout` both pass on, would
+    then end in a traceback.
     """
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
