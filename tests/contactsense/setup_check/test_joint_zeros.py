@@ -40,6 +40,7 @@ def test_a_joint_with_another_zero_is_named_with_the_angle(joint: int, name: str
     assert item.stated == "as read"
 
 
+@pytest.mark.slow
 def test_zeros_of_another_convention_are_named() -> None:
     (item,) = _checked((0.0, 90.0, 0.0, 0.0, 0.0, 0.0)).wrong
     assert item.line == ZEROS

@@ -99,6 +99,7 @@ def test_a_right_setup_fits_and_a_wrong_bias_is_found(field: str) -> None:
     assert fits - {"joint torques: order"} == told - {f"{field}.bias", "base_wrench.range"}
 
 
+@pytest.mark.slow
 def test_a_sensor_on_another_link_is_named() -> None:
     case = wrong_setup("elbow sensor on another link", "ur5e", 1, DRAWN, ELBOW)
     (item,) = check(case.scene, [case.recording]).wrong

@@ -63,6 +63,7 @@ def test_a_late_base_sensor_is_named_with_its_delay() -> None:
     assert float(item.proposed) == pytest.approx(0.096, abs=0.003)
 
 
+@pytest.mark.slow
 def test_late_positions_make_the_base_sensor_early() -> None:
     item = _checked(_case(), "q", "qd").wrong[0]
     assert item.line == "base_wrench.delay"
@@ -70,6 +71,7 @@ def test_late_positions_make_the_base_sensor_early() -> None:
     assert float(item.proposed) == pytest.approx(-0.096, abs=0.003)
 
 
+@pytest.mark.slow
 def test_slow_motion_does_not_determine_the_delay_of_torques() -> None:
     """At 0.3 rad/s its standard deviation is below 10 ms, at 0.05 rad/s it is above 20 ms."""
     fast, slow = (_of_torques(_checked(_case(speed))) for speed in (0.3, 0.05))
