@@ -2,16 +2,14 @@
 the others to try first."""
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from contactsense.kinematics.logarithm import logarithm
-from contactsense.localization.primitive_frames import Frame
 from contactsense.localization.simd_layout import BOUND, NX, NY, NZ, SPREAD, TILT, X, Y, Z
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
-from contactsense.solvers.posterior.contact_prior import STUDENT_DOF, Prior
+from contactsense.solvers.posterior.contact_prior import STUDENT_DOF
 
 FORCE_SIGMAS = 3.0
 """The force may exceed the measured one by this many standard deviations."""
@@ -21,24 +19,19 @@ MIN_PUSH_SHARE = 1e-6
 """Lower bound of the largest possible normal force, relative to the measured force."""
 
 
-class FusedWrench(NamedTuple):
-    """The wrench of a link, fused from all sensors, base axes, about the base origin."""
-
-    mean: np.ndarray
-    """Shape (6,) [N, Nm]."""
-    covariance: np.ndarray
-    """Shape (6, 6)."""
-
-
 @fused_kernel
-def squared_force_of(measured: FusedWrench) -> tuple[float, float]:
-    """Squared force of a wrench, and the trace of its covariance [N^2]."""
-    w, P = measured
-    return w[0] * w[0] + w[1] * w[1] + w[2] * w[2], P[0, 0] + P[1, 1] + P[2, 2]
-
-
-@fused_kernel
-def exclude_cells(measured: FusedWrench, pose: Frame, prior: Prior, limit: float, block: np.ndarray) -> None:
+def exclude_cells(
+    w: np.ndarray,
+    P: np.ndarray,
+    R: np.ndarray,
+    o: np.ndarray,
+    squared_force: float,
+    force_variance: float,
+    torsion_lever: float,
+    limit: float,
+    block: np.ndarray,
+    friction_ratio: float = math.inf,
+) -> None:
     """Exclude cells that cannot have caused the measured wrench.
 
     The bound of a cell's energy has two terms. The moment about its centre is more than noise, torsion and
@@ -47,21 +40,22 @@ def exclude_cells(measured: FusedWrench, pose: Frame, prior: Prior, limit: float
     the force points out of the surface.
 
     Args:
-        measured: The wrench of the cells' link.
-        pose: Rotation and origin [m] of that link in the base frame, shapes (3, 3) and (3,).
-        prior: Of it, the spreads of torsion and friction.
+        w, P: Fused wrench and its covariance, base axes, about the base origin, shapes (6,) and (6, 6).
+        R, o: Rotation and origin [m] of the cells' link in the base frame, shapes (3, 3) and (3,).
+        squared_force, force_variance: Squared force and the trace of its covariance [N^2].
+        torsion_lever: Standard deviation of torsion over normal force [m].
         limit: Energy above which a cell is excluded.
         block: Block with the cells' centres, normals, spreads and tilts; `BOUND` is filled. Loops over two
             arrays would not be vectorized: the compiler cannot know that they do not overlap.
+        friction_ratio: Standard deviation of tangential over normal force along each tangent, on a surface
+            that is not tilted.
     """
-    (w, P), (R, o), torsion_lever = measured, pose, prior.torsion_lever
-    squared_force, force_variance = squared_force_of(measured)
     # Upper bound of the squared force; times a squared lever it bounds the variance of the moment.
     force, margin = math.sqrt(squared_force), FORCE_SIGMAS * math.sqrt(force_variance)
     max_squared_force = (force + margin) ** 2
     max_outward = PULL_SHARE * force
     min_push = MIN_PUSH_SHARE * force
-    squared_friction_ratio = prior.friction_ratio * prior.friction_ratio
+    squared_friction_ratio = friction_ratio * friction_ratio
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = (
         R[0, 0], R[0, 1], R[0, 2], R[1, 0], R[1, 1], R[1, 2], R[2, 0], R[2, 1], R[2, 2],
     )  # fmt: skip

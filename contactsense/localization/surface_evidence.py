@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense.kinematics.wrench_information import to_body_frame
-from contactsense.localization.energy_bound import FusedWrench, exclude_cells, squared_force_of
+from contactsense.localization.energy_bound import exclude_cells
 from contactsense.localization.laplace_evidence import find_modes
 from contactsense.localization.line_distance import (
     CENTRE_X,
@@ -115,15 +115,15 @@ def _evaluate_samples(
         if not searched[link] or link_energy > found.lowest_energy + ENERGY_CUTOFF:
             continue
         R, o = motion.rotation[depth[link]], motion.origin[depth[link]]
-        measured = FusedWrench(hypotheses.wrench[link], hypotheses.covariance[link])
+        w, P = hypotheses.wrench[link], hypotheses.covariance[link]
         limit = min(found.lowest_energy, competing_energy) + ENERGY_CUTOFF - link_energy
         queued = _queue_cells(
-            blocks, link, Frame(R, o), measured, wrench_measured, prior, limit, cells, spheres
+            blocks, link, Frame(R, o), (w, P), wrench_measured, prior, limit, cells, spheres
         )
         if queued == 0:
             continue
-        to_body_frame(measured.mean, hypotheses.information[link], R, o, cells.wrench, cells.information)
-        hypothesis = _LinkHypothesis(link_energy, math.sqrt(squared_force_of(measured)[1]))
+        to_body_frame(w, hypotheses.information[link], R, o, cells.wrench, cells.information)
+        hypothesis = _LinkHypothesis(link_energy, math.sqrt(_squared_force(w, P)[1]))
         found = _evaluate_queue(samples, queued, hypothesis, prior, found, cells)
     return found
 
@@ -133,7 +133,7 @@ def _queue_cells(
     blocks: SurfaceBlocks,
     link: int,
     pose: Frame,
-    measured: FusedWrench,
+    measured: tuple[np.ndarray, np.ndarray],
     wrench_measured: bool,
     prior: Prior,
     limit: float,
@@ -146,14 +146,14 @@ def _queue_cells(
         blocks: The cells.
         link: The link.
         pose: Its orientation and origin in the base frame.
-        measured: The wrench of the link.
+        measured: Fused wrench and its covariance, base axes, about the base origin.
         wrench_measured, prior: As in `SingleContactProblem`.
         limit: Energy above which a cell is excluded.
         cells: `queue` and `bound` are filled.
         spheres: Scratch block.
     """
-    w, P = measured
-    squared_force, force_variance = squared_force_of(measured)
+    (R, o), (w, P) = pose, measured
+    squared_force, force_variance = _squared_force(w, P)
     skip_far, force_measured = wrench_measured and squared_force > 0.0, force_variance < squared_force
     # The first link has no limit yet: no contact that is kept is that far above its link's energy.
     far_limit = min(limit, 2.0 * ENERGY_CUTOFF)
@@ -168,7 +168,10 @@ def _queue_cells(
                 continue
             if force_measured:
                 copy(blocks.cells[b], cells.bound_block[:BOUND])
-                exclude_cells(measured, pose, prior, limit, cells.bound_block)
+                exclude_cells(
+                    w, P, R, o, squared_force, force_variance, prior.torsion_lever, limit, cells.bound_block,
+                    prior.friction_ratio,
+                )  # fmt: skip
             else:
                 # Without a measured force there is no bound.
                 cells.bound_block[BOUND:] = 0.0
@@ -242,10 +245,9 @@ def _evaluate_subsamples(
                 mode_count = 0
             last = link
             R, o = motion.rotation[depth[link]], motion.origin[depth[link]]
-            measured = FusedWrench(hypotheses.wrench[link], hypotheses.covariance[link])
-            to_body_frame(measured.mean, hypotheses.information[link], R, o, cells.wrench, cells.information)
-            deviation = math.sqrt(squared_force_of(measured)[1])
-            hypothesis = _LinkHypothesis(hypotheses.energy[link], deviation)
+            w, P = hypotheses.wrench[link], hypotheses.covariance[link]
+            to_body_frame(w, hypotheses.information[link], R, o, cells.wrench, cells.information)
+            hypothesis = _LinkHypothesis(hypotheses.energy[link], math.sqrt(_squared_force(w, P)[1]))
         cells.score[row] = -math.inf
         for s in range(subsamples.start[cells.sample[row]], subsamples.start[cells.sample[row] + 1]):
             _load_lane(subsamples, s, cells.mode_block, cells.mode_sample, mode_count)
@@ -256,6 +258,12 @@ def _evaluate_subsamples(
     if mode_count > 0:
         found = _evaluate_block(subsamples, mode_count, hypothesis, prior, found, cells)
     return found.rows
+
+
+@fused_kernel
+def _squared_force(w: np.ndarray, P: np.ndarray) -> tuple[float, float]:
+    """Squared force of a wrench w and the trace of its covariance, of the wrench's covariance P [N^2]."""
+    return w[0] * w[0] + w[1] * w[1] + w[2] * w[2], P[0, 0] + P[1, 1] + P[2, 2]
 
 
 @fused_kernel

@@ -5,17 +5,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from contactsense.localization.energy_bound import FORCE_SIGMAS, PULL_SHARE, FusedWrench, exclude_cells
+from contactsense.localization.energy_bound import FORCE_SIGMAS, PULL_SHARE, exclude_cells
 from contactsense.localization.laplace_evidence import find_modes
-from contactsense.localization.primitive_frames import Frame
 from contactsense.localization.simd_layout import BOUND, ENERGY, LENGTH, NX, SPREAD, TILT, X
 from contactsense.robots.jit.lanes import LANES
 from contactsense.solvers.posterior.contact_prior import Prior
 
 LEVER = 0.003
-PRIOR = Prior(0.25, LEVER, 0.001, 20.0, 0.005, 1.0, np.zeros(1))
-ANY_FRICTION = PRIOR._replace(friction_ratio=np.inf)
-AT_BASE = Frame(np.eye(3), np.zeros(3))
 
 
 def _block(point: np.ndarray, normal: np.ndarray, spread: np.ndarray) -> np.ndarray:
@@ -50,7 +46,7 @@ def test_cells_are_excluded_by_the_energy_of_the_moment(seed: int) -> None:
         energy[j] = 0.5 * moment_map @ w @ np.linalg.solve(C, moment_map @ w)
     for limit in energy:
         block = _block(point, normal, spread)
-        exclude_cells(FusedWrench(w, P), Frame(R, o), ANY_FRICTION, limit * (1.0 + 1e-6), block)
+        exclude_cells(w, P, R, o, squared_force, force_variance, LEVER, limit * (1.0 + 1e-6), block)
         np.testing.assert_array_equal(_excluded(block), energy > limit * (1.0 + 1e-6))
 
 
@@ -59,13 +55,14 @@ def test_a_pulled_cell_is_excluded() -> None:
     angle = np.linspace(0.0, 3.0, LANES)
     normal = np.column_stack((np.sin(angle), np.zeros(LANES), np.cos(angle)))
     block = _block(np.zeros((LANES, 3)), normal, np.full(LANES, 0.01))
-    exclude_cells(FusedWrench(w, 1e-4 * np.eye(6)), AT_BASE, ANY_FRICTION, np.inf, block)
+    exclude_cells(w, 1e-4 * np.eye(6), np.eye(3), np.zeros(3), 4.0, 3e-4, LEVER, np.inf, block)
     np.testing.assert_array_equal(_excluded(block), np.cos(angle) > PULL_SHARE)
 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.3])
 def test_the_bound_is_below_the_energy_of_the_best_contact_in_a_cell(tilt: float) -> None:
     rng = np.random.default_rng(3)
+    prior = Prior(0.25, LEVER, 0.001, 20.0, 0.005, 1.0, np.zeros(1))
     P, force = np.diag([0.04] * 3 + [0.0025] * 3), np.array([0.0, 0.0, -20.0])
     ratios = []
     for _ in range(50):
@@ -74,9 +71,9 @@ def test_the_bound_is_below_the_energy_of_the_best_contact_in_a_cell(tilt: float
         block = _block(point, normal, np.full(LANES, 0.01))
         block[TILT : TILT + LANES] = rng.uniform(0.0, tilt, LANES)
         w = np.hstack((force, rng.normal(size=3) * 0.1))
-        exclude_cells(FusedWrench(w, P), AT_BASE, PRIOR, np.inf, block)
+        exclude_cells(w, P, np.eye(3), np.zeros(3), 400.0, 0.12, LEVER, np.inf, block, prior.friction_ratio)
         bound = block[BOUND : BOUND + LANES].copy()
-        find_modes(LANES, w, np.linalg.inv(P), PRIOR, 0.0, np.inf, block)
+        find_modes(LANES, w, np.linalg.inv(P), prior, 0.0, np.inf, block)
         energy = block[ENERGY : ENERGY + LANES]
         # The energy itself is accurate to the tolerance of the iteration.
         assert np.all(bound < energy + 0.1)
@@ -94,8 +91,6 @@ def test_the_tilt_of_the_real_surface_counts_as_friction() -> None:
     for friction_ratio, tilt in ((0.3, 0.4), (0.5, 0.0)):
         block = _block(np.zeros((LANES, 3)), normal, np.full(LANES, 0.01))
         block[TILT : TILT + LANES] = tilt
-        exclude_cells(
-            FusedWrench(w, P), AT_BASE, PRIOR._replace(friction_ratio=friction_ratio), np.inf, block
-        )
+        exclude_cells(w, P, np.eye(3), np.zeros(3), 400.0, 0.12, LEVER, np.inf, block, friction_ratio)
         bounds.append(block[BOUND : BOUND + LANES].copy())
     np.testing.assert_allclose(*bounds, rtol=1e-9)
