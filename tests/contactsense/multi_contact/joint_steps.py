@@ -1,8 +1,8 @@
 """Steps of the search for several contacts that tests call one by one, compiled as one kernel.
 
-A kernel that Python calls is compiled with all that it calls and with code that converts its arguments. As a
-kernel each, the steps would compile the joint optimization six times, and the conversion of a hundred arrays
-as often.
+A kernel that Python calls is compiled with all that it calls and with code that converts its arguments.
+Called one by one, most steps would compile the joint optimization anew, and the conversion of a hundred
+arrays.
 """
 
 import math
