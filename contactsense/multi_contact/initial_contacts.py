@@ -86,7 +86,7 @@ def new_share_of_prior(drift: float, deviation: float) -> float:
     and on a curved surface friction tells the place.
 
     Args:
-        drift: Standard deviation d of the known.
+        drift: Standard deviation d of the change.
         deviation: That of the prior, s.
     """
     return drift * drift / (drift * drift + deviation * deviation)

@@ -24,7 +24,9 @@ from contactsense.service.drawing.posture import usual_posture
 @click.argument("name", required=False)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @click.option("--picture", type=click.Path(path_type=Path), help="Draw NAME's primitives into this PNG.")
-@click.option("--posture", help="Joint angles for the picture in degrees, separated by commas.")
+@click.option(
+    "--posture", "--pose", "posture", help="Joint angles for the picture in degrees, separated by commas."
+)
 @click.option("--coarse", is_flag=True, help="Draw the coarse level of detail instead of the fine one.")
 def robots(name: str | None, as_json: bool, picture: Path | None, posture: str | None, coarse: bool) -> None:
     """List the arms, or show NAME: its links, joints and primitives. NAME may be a path to a

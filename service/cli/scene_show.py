@@ -24,7 +24,12 @@ from contactsense.service.scene.summary import (
 @click.command()
 @click.argument("path", metavar="SCENE", type=click.Path(path_type=Path))
 @click.option("--picture", type=click.Path(path_type=Path), help="Draw the arm in its place into this PNG.")
-@click.option("--posture", help="Joint angles in degrees, separated by commas, for picture and readings.")
+@click.option(
+    "--posture",
+    "--pose",
+    "posture",
+    help="Joint angles in degrees, separated by commas, for picture and readings.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def show(path: Path, picture: Path | None, posture: str | None, as_json: bool) -> None:
     """Print what was understood of SCENE: mounting, tool, sensors, what they must read at rest."""

@@ -105,6 +105,7 @@ def test_show_prints_what_was_understood(tmp_path: Path) -> None:
     assert "base z axis 90.0 deg from the vertical" in result.output
     assert "warning: base_wrench.range: expected more than" in result.output
     plain = json.loads(_run("show", path, "--json", "--posture", "0,-90,0,0,0,0").stdout)
+    assert json.loads(_run("show", path, "--json", "--pose", "0,-90,0,0,0,0").stdout) == plain
     assert plain["gravity_base"] == pytest.approx([9.81, 0.0, 0.0])
     assert plain["link_prior"]["upper_arm"] > 0.3 > 0.1 > plain["link_prior"]["wrist_3"]
     assert plain["base_reading_at_rest"][0] == pytest.approx(9.81 * plain["mass"])
