@@ -232,7 +232,7 @@ class Fitter:
         # The base does not move, so that its inertia is a bias.
         joints = (self._joint_terms(setup)[:, :, 1:] * size[1:]).reshape(rows, n, -1)
         found[:n, :, :links] = (joints * setup.gain[:, None]).transpose(1, 0, 2)
-        coulomb, late = basis.reversals()
+        coulomb, late = basis.reversals(setup.torque_delay)
         viscous, rotor = basis.joints.viscous(setup.torque_delay), basis.joints.rotors(setup.torque_delay)
         frictional = 0.0 if setup.meaning == "external" else 1.0
         for j in range(n):

@@ -52,16 +52,18 @@ class MotionBasis:
             self._loads[body] = LoadTerms.of(self._model, body, self._recordings, self._instants)
         return self._loads[body]
 
-    def reversals(self) -> tuple[np.ndarray, np.ndarray]:
+    def reversals(self, delay: float) -> tuple[np.ndarray, np.ndarray]:
         """Smooth signs of the joint velocities at the instants and `_LATE_REVERSAL` before them, shape (M, n)
-        each.
+        each; both earlier by `-delay` where the torques come early, with a negative delay [s].
 
         Friction reverses later than the velocity, after a small displacement (B. Armstrong-Helouvry, P.
         Dupont, C. Canudas de Wit, "A survey of models, analysis tools and compensation methods for the
         control of machines with friction", Automatica 1994). So the friction of every setup may reverse
-        late, and only weight and inertia tell the delay of the torques.
+        late, and only weight and inertia tell how late the torques are. It never reverses before the
+        velocity: where it seems to, the torques come early.
         """
-        return self.joints.coulomb(0.0), self.joints.coulomb(_LATE_REVERSAL)
+        first = min(delay, 0.0)
+        return self.joints.coulomb(first), self.joints.coulomb(first + _LATE_REVERSAL)
 
 
 _LATE_REVERSAL = 0.1

@@ -40,11 +40,11 @@ def _of_torques(found: SetupCheck) -> Finding:
     return item
 
 
-def _milliseconds(text: str | None) -> float:
+def _milliseconds(text: str | None, expected: str = "late") -> float:
     assert text is not None
     size, unit, way = text.split(" ")
     assert unit == "ms"
-    assert way == "late"
+    assert way == expected
     return float(size)
 
 
@@ -64,11 +64,14 @@ def test_a_late_base_sensor_is_named_with_its_delay() -> None:
 
 
 @pytest.mark.slow
-def test_late_positions_make_the_base_sensor_early() -> None:
-    item = _checked(_case(), "q", "qd").wrong[0]
-    assert item.line == "base_wrench.delay"
-    assert item.proposed is not None
-    assert float(item.proposed) == pytest.approx(-0.096, abs=0.003)
+def test_late_positions_make_the_base_sensor_and_the_torques_early() -> None:
+    """The torques were undetermined: friction, which may reverse late, could not reverse early with them."""
+    said = {item.line: item.proposed for item in _checked(_case(), "q", "qd").wrong}
+    assert set(said) == {"base_wrench.delay", DELAYED_TORQUES}
+    delay, torques = said["base_wrench.delay"], said[DELAYED_TORQUES]
+    assert delay is not None
+    assert float(delay) == pytest.approx(-0.096, abs=0.003)
+    assert _milliseconds(torques, "early") == pytest.approx(96.0, abs=12.0)
 
 
 @pytest.mark.slow
