@@ -57,7 +57,7 @@ def _change(group: Free, a: Setup, b: Setup) -> float:
         return float(np.linalg.norm((a.places - b.places)[a.loads > 0.0]))
     if group.kind == "gain":
         known = a.gain != 0.0
-        return float(np.abs(np.log(b.gain[known] / a.gain[known])).max())
+        return float(np.abs(np.log(np.abs(b.gain[known] / a.gain[known]))).max())
     if group.kind == "lag":
         return abs(a.torque_delay - b.torque_delay)
     one, other = a.sensors[group.field], b.sensors[group.field]

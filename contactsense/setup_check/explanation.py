@@ -120,8 +120,17 @@ def _better(fitter: Fitter, now: Explanation, others: list[Explanation]) -> Expl
     return best if fitter.cost(now.fit) - fitter.cost(best.fit) > EXCLUDED else now
 
 
+def changes_of(candidate: Candidate, setup: Setup) -> tuple[Change, ...]:
+    """What a candidate changes of the setup for which its hypothesis was made, line by line."""
+    beside = candidate.hypothesis.beside
+    if beside is None:
+        return (change_of(candidate, setup),)
+    first = Change(beside.line, (), setup, beside.setup, beside.setup, beside.text)
+    return first, change_of(candidate, beside.setup)
+
+
 def change_of(candidate: Candidate, before: Setup) -> Change:
-    """What a candidate changes of the setup for which its hypothesis was made."""
+    """What a candidate changes in its own line; `before`: the setup that has all else that it changes."""
     hypothesis = candidate.hypothesis
     text = next(text for text, start in hypothesis.starts if start is candidate.start)
     after = with_estimates(candidate.start, hypothesis.free, candidate.fit.setup)
@@ -163,13 +172,13 @@ def _extended(
     """Explanations with one line more; `now`: the fit of those changes alone.
 
     What the nuisances can take up is tried alone only: beside another line, a load on the last links explains
-    as much as a tool.
+    as much as a tool. Hypotheses of two lines would be two more.
     """
     free, begun, found = _free(rest), made((change.begun() for change in rest), stated), []
     tried = [
         (fitter.foreseen(start, groups(free, hypothesis.free)), hypothesis, start)
         for hypothesis in hypotheses.of(now.setup)
-        if not (rest and hypothesis.absorbed)
+        if hypothesis.beside is None and not (rest and hypothesis.absorbed)
         for _, start in hypothesis.starts
     ]
     best: dict[int, tuple[float, Hypothesis, Setup]] = {}

@@ -13,9 +13,10 @@ from scipy.spatial.transform import Rotation
 from contactsense.scene import Scene
 from contactsense.sensors.settings import CURRENTS, Meaning
 from contactsense.setup_check.hypothesis import Hypothesis
-from contactsense.setup_check.lines import DELAYED_TORQUES, sensor_lines
+from contactsense.setup_check.lines import DELAYED_TORQUES, sensor_lines, torque_scale
 from contactsense.setup_check.load_hypotheses import link_loads
 from contactsense.setup_check.order_hypotheses import angle_orders, torque_orders
+from contactsense.setup_check.reversed_scales import reversed_torques, reversed_wrench
 from contactsense.setup_check.scale_hypotheses import sensor_scales, torque_scales
 from contactsense.setup_check.setup import Free, Setup
 from contactsense.setup_check.zero_hypotheses import angle_zeros
@@ -119,7 +120,9 @@ class Hypotheses:
         text = "torques [Nm]" if (other > 1.0).any() else "currents [A]"
         start = (f"the values are {text}", replace(setup, gain=np.sign(setup.gain) * other))
         scales = torque_scales(self._scene, setup, self._moving)
-        return [*found, Hypothesis("joint_torque.signal", (start,)), *scales]
+        signal = Hypothesis("joint_torque.signal", (start,))
+        turned = reversed_torques(torque_scale(self._scene), setup, other, self._moving)
+        return [*found, signal, *scales, *turned]
 
     def _sensor(self, field: str, setup: Setup) -> list[Hypothesis]:
         """What may be wrong with a force/torque sensor."""
@@ -146,7 +149,7 @@ class Hypotheses:
         }
         names = {line: re.split(r"\.|: ", line)[-1] for line in sensor_lines(field)}
         single = [replace(found[name], line=line) for line, name in names.items() if name in found]
-        return [*single, *sensor_scales(field, setup)]
+        return [*single, *sensor_scales(field, setup), *reversed_wrench(field, setup)]
 
 
 def _late(setup: Setup) -> tuple[tuple[str, Setup], ...]:

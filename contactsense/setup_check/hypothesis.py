@@ -1,9 +1,20 @@
 """One way in which a scene, or how a signal is read, may be wrong."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from contactsense.setup_check.lines import Line
 from contactsense.setup_check.setup import Free, Setup
+
+
+class Beside(NamedTuple):
+    """A line that is wrong beside that of a hypothesis."""
+
+    line: Line
+    text: str
+    """How it may have arisen; may be empty."""
+    setup: Setup
+    """With the other value of this line alone."""
 
 
 @dataclass(frozen=True)
@@ -21,3 +32,6 @@ class Hypothesis:
     """Whether the nuisances can take up the mistake, at the cost of their priors: no residual need fall."""
     joint: int | None = None
     """Index of the joint whose torque alone it explains; None: it is of no single joint."""
+    beside: Beside | None = None
+    """Another line that is wrong as well: `starts` differ in `line` from its setup. None: `line` alone is
+    wrong."""

@@ -35,7 +35,10 @@ def _orders(order: Order) -> list[tuple[str, Order]]:
         changed = list(order)
         changed[a], changed[b] = order[b], order[a]
         found.append((f"joints {a + 1} and {b + 1} are exchanged", tuple(changed)))
-    for j in range(len(order)):
-        signs = (*order[:j], -order[j], *order[j + 1 :])
-        found.append((f"joint {j + 1} has the opposite sign", signs))
-    return found
+    return [*found, *(reversed_joint(order, joint) for joint in range(len(order)))]
+
+
+def reversed_joint(order: Order, joint: int) -> tuple[str, Order]:
+    """The order with the opposite sign of one joint, by its index, and what that is in words."""
+    signs = (*order[:joint], -order[joint], *order[joint + 1 :])
+    return f"joint {joint + 1} has the opposite sign", signs

@@ -22,7 +22,7 @@ TORQUE_UNITS = {
 """Values per newton metre."""
 FORCE_UNITS = {"kgf": 1.0 / _G, "lbf": 1.0 / _POUND, "mN": 1000.0}
 """Values per newton."""
-_MOMENT_UNITS = {**TORQUE_UNITS, "Nmm": 1000.0}
+MOMENT_UNITS = {**TORQUE_UNITS, "Nmm": 1000.0}
 _UNIT_ERROR = 0.04
 """A scale this close to that of a unit, as a natural logarithm, is taken for it."""
 
@@ -30,7 +30,7 @@ _UNIT_ERROR = 0.04
 def unit_remark(forces: float, moments: float) -> str:
     """Which units forces and moments are in, by their values per newton and newton metre; empty: none that is
     usual."""
-    names = _named(forces, {"N": 1.0, **FORCE_UNITS}), _named(moments, {"Nm": 1.0, **_MOMENT_UNITS})
+    names = _named(forces, {"N": 1.0, **FORCE_UNITS}), _named(moments, {"Nm": 1.0, **MOMENT_UNITS})
     if "" in names or names == ("N", "Nm"):
         return ""
     return f"forces are in {names[0]}, moments in {names[1]}"
@@ -55,7 +55,7 @@ def sensor_scales(field: str, setup: Setup) -> list[Hypothesis]:
         factors = force ** SCALED["force"] * moment ** SCALED["moment"]
         return "", setup.with_sensor(field, order=sensor.order * factors)
 
-    forces, moments = (1.0, *FORCE_UNITS.values()), (1.0, *_MOMENT_UNITS.values())
+    forces, moments = (1.0, *FORCE_UNITS.values()), (1.0, *MOMENT_UNITS.values())
     same = tuple(scaled(value, value) for value in forces)
     return [
         Hypothesis(

@@ -19,12 +19,14 @@ from contactsense.setup_check.explanation import (
     EXCLUDED,
     Explanation,
     change_of,
+    changes_of,
     exchanged,
     needed,
     pairs,
 )
 from contactsense.setup_check.fit import Fit, Fitter
 from contactsense.setup_check.hypotheses import Hypotheses
+from contactsense.setup_check.hypothesis import Hypothesis
 from contactsense.setup_check.lines import Line
 from contactsense.setup_check.setup import Setup
 
@@ -63,20 +65,22 @@ def searched(fitter: Fitter, hypotheses: Hypotheses, stated: Setup, progress: Ca
         now = fitter.fit(setup)
         # As in `contactsense.setup_check.explanation`, where something else is wrong already.
         tried = [h for h in hypotheses.of(setup) if not (found is not None and h.absorbed)]
-        candidates = [Candidate.of(fitter, hypothesis) for hypothesis in tried]
+        candidates = [Candidate.of(fitter, h) for h in tried if h.beside is None or _promises(fitter, h, now)]
         if number == 0:
             # What a second wrong line leaves is correlated, so that few rows would count as independent, and
             # the first of two lines would hardly differ from those that explain nothing.
-            others = [c for c in candidates if not c.hypothesis.absorbed]
+            others = [c for c in candidates if not (c.hypothesis.absorbed or c.hypothesis.beside)]
             firsts = _by_line(sorted(others, key=lambda c: fitter.cost(c.fit)), setup)
         fitter.set_effective_rows(min([now, *(c.fit for c in candidates)], key=fitter.cost).residual)
-        ranked = sorted(candidates, key=lambda c: fitter.cost(c.fit))
-        best = next((c for c in ranked if matters(now.setup, c.fit) and c.explains(now)), None)
         changes = found.changes if found is not None else ()
-        if len(changes) >= _MOST or number == _ROUNDS - 1:
+        left = _MOST - len(changes)
+        ranked = sorted(candidates, key=lambda c: _cost(fitter, c))
+        best = next((c for c in ranked if _fits_in(left, c, now)), None)
+        if left <= 0 or number == _ROUNDS - 1:
             break
-        if best is not None and fitter.cost(now) - fitter.cost(best.fit) >= needed(best.hypothesis.line):
-            change = change_of(best, setup)
+        if best is not None and fitter.cost(now) - fitter.cost(best.fit) >= _needed(best.hypothesis):
+            more = changes_of(best, setup)
+            together = (*changes, *more)
             pair = None
             if found is None and best.hypothesis.absorbed:
                 # Beside another arm and a forgotten tool, a load far beyond what a link carries explains most
@@ -85,13 +89,15 @@ def searched(fitter: Fitter, hypotheses: Hypotheses, stated: Setup, progress: Ca
                 pair = _pair(fitter, hypotheses, stated, _seeds(firsts, (), _MORE_FIRSTS), best.fit)
             if pair is not None:
                 found = pair
-            elif found is None:
+            elif len(together) == 1:
+                line = best.hypothesis.line
                 found = Explanation(
-                    (change,), best.fit, {change.line: now}, {change.line: _rivals(fitter, ranked, best, now)}
+                    together, best.fit, {line: now}, {line: _rivals(fitter, ranked, best, now)}
                 )
             else:
-                seeds = () if paired else _seeds(firsts, (*found.lines, change.line), _FIRSTS)
-                found, paired = exchanged(fitter, hypotheses, stated, (*changes, change), seeds), True
+                known = tuple(change.line for change in together)
+                seeds = () if paired else _seeds(firsts, known, _FIRSTS)
+                found, paired = exchanged(fitter, hypotheses, stated, together, seeds), True
         elif not paired and _far(fitter, now):
             paired = True
             pair = _pair(fitter, hypotheses, stated, _seeds(firsts, (), _MORE_FIRSTS), now)
@@ -125,6 +131,31 @@ def _pair(
     return None
 
 
+def _promises(fitter: Fitter, hypothesis: Hypothesis, now: Fit) -> bool:
+    """Whether a hypothesis of two lines may lower the cost by what both need, as far as first Gauss-Newton
+    steps tell: fits from all starts would take far longer."""
+    limit = fitter.cost(now) - _needed(hypothesis)
+    return any(fitter.foreseen(start, hypothesis.free) <= limit for _, start in hypothesis.starts)
+
+
+def _needed(hypothesis: Hypothesis) -> float:
+    """By how much the lines of a hypothesis must lower the cost, beyond the penalty."""
+    beside = hypothesis.beside
+    return needed(hypothesis.line) + (needed(beside.line) if beside is not None else 0.0)
+
+
+def _cost(fitter: Fitter, candidate: Candidate) -> float:
+    """By what a candidate is ranked: a second line must lower the cost by what is needed for one."""
+    hypothesis = candidate.hypothesis
+    return fitter.cost(candidate.fit) + _needed(hypothesis) - needed(hypothesis.line)
+
+
+def _fits_in(left: int, candidate: Candidate, now: Fit) -> bool:
+    """Whether a candidate changes no more lines than are left, by more than the tolerances, and explains."""
+    lines = 1 if candidate.hypothesis.beside is None else 2
+    return lines <= left and matters(now.setup, candidate.fit) and candidate.explains(now)
+
+
 def _far(fitter: Fitter, fit: Fit) -> bool:
     """Whether residuals are far beyond the noise."""
     rms = np.sqrt(np.mean(fit.residual**2, axis=0))
@@ -150,7 +181,8 @@ def _rivals(fitter: Fitter, ranked: list[Candidate], best: Candidate, now: Fit) 
         dict.fromkeys(
             c.hypothesis.line
             for c in ranked
-            if c.hypothesis.line != best.hypothesis.line
+            if c.hypothesis.beside is None
+            and c.hypothesis.line != best.hypothesis.line
             and fitter.cost(c.fit) - fitter.cost(best.fit) < EXCLUDED
             and matters(now.setup, c.fit)
         )

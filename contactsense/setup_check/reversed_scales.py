@@ -1,0 +1,79 @@
+"""Another scale and the opposite sign at once, of a signal, of its forces or moments, or of one joint.
+
+A search for one line at a time may miss this pair: with the right sign alone, values of a far larger scale
+contradict the scene even more, and with a positive scale the best size is zero.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from contactsense.setup_check.hypothesis import Beside, Hypothesis
+from contactsense.setup_check.lines import Line, label
+from contactsense.setup_check.order_hypotheses import reversed_joint
+from contactsense.setup_check.scale_hypotheses import FORCE_UNITS, MOMENT_UNITS, TORQUE_UNITS
+from contactsense.setup_check.setup import BASE, SCALED, Free, Setup, plain_order
+
+
+def reversed_torques(line: Line, setup: Setup, other: np.ndarray, moving: np.ndarray) -> list[Hypothesis]:
+    """The joint torques with the opposite sign and another scale, or the other signal; or those of one joint.
+
+    Args:
+        line: Of the scale.
+        setup: What is changed.
+        other: Joint torques as read per torque, if they are the other signal, shape (n,).
+        moving: Which joints move, shape (n,), as in `scale_hypotheses.torque_scales`.
+    """
+    turned = replace(setup, gain=-setup.gain)
+    starts = tuple(("", replace(turned, gain=x * turned.gain)) for x in (1.0, *TORQUE_UNITS.values()))
+    signal = "", replace(turned, gain=np.sign(turned.gain) * other)
+    beside = Beside("joint_torque.sign", "", turned)
+    found = [
+        Hypothesis(line, starts, (Free("gain"),), special=True, beside=beside),
+        Hypothesis("joint_torque.signal", (signal,), special=True, beside=beside),
+    ]
+    joints = np.flatnonzero(moving & (setup.gain != 0.0)).tolist()
+    if len(joints) > 1 and BASE in setup.sensors:
+        each = tuple(Free("gain", joint=joint) for joint in joints)
+        found.append(Hypothesis(line, (("", turned),), each, special=True, beside=beside))
+    plain = plain_order(len(setup.gain))
+    if setup.torque_order == plain:
+        for joint in joints:
+            text, order = reversed_joint(plain, joint)
+            one = replace(setup, torque_order=order)
+            beside, free = Beside("joint torques: order", text, one), (Free("gain", joint=joint),)
+            found.append(Hypothesis(line, (("", one),), free, special=True, joint=joint, beside=beside))
+    return found
+
+
+def reversed_wrench(field: str, setup: Setup) -> list[Hypothesis]:
+    """A force/torque sensor with the opposite sign and another scale, or its forces or moments alone."""
+    sensor, name = setup.sensors[field], label(field)
+    line, order = f"{name} wrench: scale", f"{name} wrench: order of axes"
+    forces, moments = (1.0, *FORCE_UNITS.values()), (1.0, *MOMENT_UNITS.values())
+
+    def scaled(start: Setup, force: float, moment: float) -> tuple[str, Setup]:
+        factors = force ** SCALED["force"] * moment ** SCALED["moment"]
+        return "", start.with_sensor(field, order=start.sensors[field].order * factors)
+
+    turned = setup.with_sensor(field, sign=-sensor.sign)
+    same = tuple(scaled(turned, value, value) for value in forces)
+    two = (*same, *(scaled(turned, 1.0, value) for value in moments[1:]))
+    free = Free("force", field), Free("moment", field)
+    sign = Beside(f"{field}.sign", "", turned)
+    of_forces, of_moments = (
+        Beside(
+            order,
+            f"of the {kind}s all axes point the other way",
+            setup.with_sensor(field, order=sensor.order * (1.0 - 2.0 * SCALED[kind])),
+        )
+        for kind in ("force", "moment")
+    )
+    pushes = tuple(scaled(of_forces.setup, value, 1.0) for value in forces)
+    twists = tuple(scaled(of_moments.setup, 1.0, value) for value in moments)
+    return [
+        Hypothesis(line, same, (Free("wrench", field),), special=True, beside=sign),
+        Hypothesis(line, two, free, special=True, beside=sign),
+        Hypothesis(line, pushes, free[:1], special=True, beside=of_forces),
+        Hypothesis(line, twists, free[1:], special=True, beside=of_moments),
+    ]
