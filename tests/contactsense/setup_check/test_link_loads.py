@@ -41,6 +41,19 @@ def test_the_proposed_inertia_cures_the_scene() -> None:
     assert check(cured, [case.recording]).fits
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("mass", "found"), [(1.5, []), (4.0, ["inertia.upper_arm"])])
+def test_a_load_on_the_upper_arm_is_named_if_errors_of_the_inertia_do_not_explain_it(
+    mass: float, found: list[str]
+) -> None:
+    """1.5 kg at its centre of mass change what the motion determines by three standard deviations of the
+    prior."""
+    case = right_setup("ur5e", 1, DRAWN)
+    place = np.array([-0.2125, 0.0, 0.11336])
+    loaded = with_load(case.scene, case.recording, "upper_arm", mass, place)
+    assert [item.line for item in check(case.scene, [loaded]).wrong] == found
+
+
 def test_the_mass_of_a_link_that_is_a_tenth_off_is_no_load() -> None:
     case = _loaded("forearm", 0.28)
     assert check(case.scene, [case.recording]).fits
