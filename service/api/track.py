@@ -79,29 +79,35 @@ class Tracks:
                 deprioritize()
 
     async def _push(self, websocket: WebSocket) -> None:
-        try:
-            opened = await asyncio.open_unix_connection(self._settings.socket_path)
-        except OSError:
-            reason = "the pipeline is still starting; connect again in a moment"
-            await _refuse(websocket, MessageError("", reason), TRY_AGAIN)
-            return
-        channel = MessageChannel(*opened)
+        with self._hub.subscribe() as reader:
+            # Before the pipeline can accept the connection and say so.
+            self._pushed = _Pushed(reader)
+            try:
+                try:
+                    opened = await asyncio.open_unix_connection(self._settings.socket_path)
+                except OSError:
+                    reason = "the pipeline is still starting; connect again in a moment"
+                    await _refuse(websocket, MessageError("", reason), TRY_AGAIN)
+                    return
+                await self._feed(websocket, MessageChannel(*opened), self._pushed)
+            finally:
+                self._pushed = None
+
+    async def _feed(self, websocket: WebSocket, channel: MessageChannel, pushed: "_Pushed") -> None:
+        """Feed the pipeline with the controller's messages until one of them ends the connection."""
         form = _Form()
         who = "a controller" if websocket.client is None else f"a controller at {websocket.client.host}"
         log.info("%s sends the samples from now on; the estimation begins anew", who)
-        with self._hub.subscribe() as reader:
-            self._pushed = _Pushed(reader)
-            try:
-                await _first(
-                    self._forward(websocket, channel, form),
-                    _answer(websocket, channel),
-                    _estimates(websocket, form, self._pushed),
-                )
-                await _close(websocket, RESTARTED, "the pipeline is being restarted; connect again")
-            finally:
-                self._pushed = None
-                log.info("%s sends no more samples: its connection has ended", who)
-                await channel.close()
+        try:
+            await _first(
+                self._forward(websocket, channel, form),
+                _answer(websocket, channel),
+                _estimates(websocket, form, pushed),
+            )
+            await _close(websocket, RESTARTED, "the pipeline is being restarted; connect again")
+        finally:
+            log.info("%s sends no more samples: its connection has ended", who)
+            await channel.close()
 
     async def _forward(
         self, websocket: WebSocket, channel: MessageChannel, form: "_Form | None" = None
