@@ -30,12 +30,14 @@ def bounds(primitive: Primitive) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _cone_bounds(cone: Cylinder) -> tuple[np.ndarray, np.ndarray]:
-    """Bounds of the cone before its rims are rounded."""
-    ends = np.array((cone.a, cone.b))
-    axis = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
+    """Bounds of the rounded cone: the sharp rim of a flat one may be metres away."""
+    a, b = np.array(cone.a), np.array(cone.b)
+    axis = (b - a) / np.linalg.norm(b - a)
+    half, radius_a, radius_b = cone.core()
+    ends = (a + b) / 2.0 + np.outer((-half, half), axis)
     # A disc of radius 1 reaches so far along each axis of the frame.
     disc = np.sqrt(np.clip(1.0 - axis**2, 0.0, None))
-    reach = np.array((cone.radius_a, cone.radius_b))[:, None] * disc
+    reach = np.array((radius_a, radius_b))[:, None] * disc + cone.rounding
     return (ends - reach).min(axis=0), (ends + reach).max(axis=0)
 
 

@@ -88,13 +88,33 @@ def fit_link(
     mesh = meshes[robot.link_names[link]]
     poses = neighbour_poses(robot, meshes, link, seed=options.seed)
     skin = outer_skin(mesh, poses, options.samples, options.seed)
-    search = _Search(skin, Surroundings(mesh, poses), joint_axes(robot, link), options)
+    return fit_body(skin, Surroundings(mesh, poses), joint_axes(robot, link), options)
+
+
+def fit_body(skin: Skin, around: Surroundings, axes: np.ndarray, options: Options) -> tuple[Fit, ...]:
+    """Unions of 1, 2, ... primitives that fit the skin of one body increasingly well.
+
+    Args:
+        skin: Its skin.
+        around: Its mesh and its neighbours.
+        axes: Candidate directions for axes of primitives, shape (M, 3).
+        options: Tolerance and limits.
+
+    Returns:
+        As `fit_link`.
+    """
+    search = _Search(skin, around, axes, options)
     found: list[Fit] = []
     while len(found) < options.most:
         found.append(search.next(found[-1].bodies if found else None))
         if found[-1].p95 <= options.tolerance or _stalled([fit.cost for fit in found]):
             break
     return tuple(found)
+
+
+def measured_fit(bodies: Bodies, skin: Skin, around: Surroundings, options: Options) -> Fit:
+    """Given primitives, compared with the skin of a body. Arguments as for `fit_body`."""
+    return _Search(skin, around, np.eye(3), options).given(bodies)
 
 
 def _stalled(costs: Sequence[float]) -> bool:
@@ -163,11 +183,17 @@ class _Search:
         grown = self._grown(bodies)
         if bodies is not None:
             grown = self._shifted(grown)
-        reached = self._refit(grown, self._fine, 60)
+        return self._measured(grown, self._refit(grown, self._fine, 60))
+
+    def given(self, bodies: Bodies) -> Fit:
+        """Measure the error of given bodies."""
+        return self._measured(bodies, float(cost(bodies, self._fine, self._scale, self._reach)))
+
+    def _measured(self, bodies: Bodies, reached: float) -> Fit:
         seed = self._options.seed
-        found = errors(grown, self._skin, self._shape, self._around, seed)
-        deviation, moved = (local_deviation(grown, self._skin, seed, to_mean) for to_mean in (False, True))
-        return Fit(grown, found, deviation, moved, reached)
+        found = errors(bodies, self._skin, self._shape, self._around, seed)
+        deviation, moved = (local_deviation(bodies, self._skin, seed, to_mean) for to_mean in (False, True))
+        return Fit(bodies, found, deviation, moved, reached)
 
     def _refit(self, bodies: Bodies, target: Target, steps: int) -> float:
         return float(fit(bodies, target, self._scale, self._reach, LEAST, steps))

@@ -151,6 +151,8 @@ def decompose(
     names = list(fits)
     chosen = dict(zip(names, choose([fits[name] for name in names], options.tolerance, most), strict=True))
     best = {name: fits[name][chosen[name]] for name in names}
+    if rigid:
+        best["tool"] = _fit_by_parts(robot.name, surfaces["tool"], best["tool"], options, most, jobs)
     _report(best)
     for line in beyond_tolerance({name: fit.p95 for name, fit in best.items()}, options.tolerance):
         click.echo(line, err=True)
@@ -217,6 +219,45 @@ def _fit(task: "tuple[Robot, dict[str, trimesh.Trimesh], int, Options]") -> "tup
     from contactsense.robots.decomposition.decompose import fit_link
 
     return fit_link(*task)
+
+
+def _fit_by_parts(
+    name: str, mesh: "trimesh.Trimesh", whole: "Fit", options: "Options", most: int | None, jobs: int
+) -> "Fit":
+    """The fit of a whole tool or body, or one part by part if that is better: it is tried where the whole one
+    is beyond the tolerance and the mesh has separate parts."""
+    from contactsense.robots.decomposition.decompose import choose
+    from contactsense.robots.decomposition.separate_parts import joined_fit, separate_parts
+
+    if whole.p95 <= options.tolerance:
+        return whole
+    parts = separate_parts(mesh)
+    if len(parts) < 2:
+        return whole
+    fits: dict[int, tuple[Fit, ...]] = {}
+    with (
+        Progress(*_COLUMNS, console=Console(stderr=True)) as progress,
+        closing(run_tasks(_fit_part, [(parts, i, options) for i in range(len(parts))], jobs)) as results,
+    ):
+        bar = progress.add_task(f"{name}: parts", total=len(parts))
+        for (_, number, _), fit in results:
+            if isinstance(fit, Exception):
+                raise click.ClickException(f"{name}: part {number}: {fit}") from fit
+            fits[number] = fit
+            progress.advance(bar)
+    shown = [fits[number] for number in sorted(fits) if fits[number]]
+    if not 0 < len(shown) <= (most or len(shown)):
+        return whole
+    chosen = choose(shown, options.tolerance, most)
+    joined = joined_fit(mesh, [part[i] for part, i in zip(shown, chosen, strict=True)], options)
+    return min(whole, joined, key=lambda fit: fit.p95)
+
+
+def _fit_part(task: "tuple[list[trimesh.Trimesh], int, Options]") -> "tuple[Fit, ...]":
+    """The fits of one part, in a worker process."""
+    from contactsense.robots.decomposition.separate_parts import fit_part
+
+    return fit_part(*task)
 
 
 def _report(best: "dict[str, Fit]") -> None:

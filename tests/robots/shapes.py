@@ -25,3 +25,17 @@ def two_meshes() -> dict[str, trimesh.Trimesh]:
     turned = trimesh.util.concatenate([bar, disc])
     turned.faces[::3] = turned.faces[::3, ::-1]
     return {"base": trimesh.util.concatenate([base, hidden]), "bar": turned}
+
+
+def block(size: tuple[float, float, float], centre: tuple[float, float, float]) -> trimesh.Trimesh:
+    """A box of these edge lengths about that place [m]."""
+    mesh = trimesh.creation.box(size)
+    mesh.apply_translation(centre)
+    return mesh
+
+
+def fork() -> trimesh.Trimesh:
+    """A palm, two fingers, and a pin beside the second one."""
+    palm = block((0.12, 0.06, 0.05), (0.0, 0.0, 0.025))
+    fingers = [block((0.02, 0.03, 0.08), (x, 0.0, 0.1)) for x in (-0.05, 0.05)]
+    return trimesh.util.concatenate([palm, *fingers, block((0.005, 0.005, 0.01), (0.063, 0.0, 0.1))])

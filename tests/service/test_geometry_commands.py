@@ -14,7 +14,7 @@ from contactsense.robots.decomposition.decompose import Fit
 from contactsense.robots.decomposition.surface_error import HEADINGS, Errors, bodies_of
 from contactsense.service.cli.decompose import _report, beyond_tolerance
 from contactsense.service.cli.main import cli
-from tests.robots.shapes import two_meshes
+from tests.robots.shapes import fork, two_meshes
 
 URDF = """
 <robot name="two"><link name="base"><visual><geometry><mesh filename="base.stl"/></geometry></visual></link>
@@ -216,3 +216,21 @@ def test_decompose_a_tool_for_a_scene(tmp_path: Path) -> None:
     assert 1 <= len(tool.primitives) <= 2
     assert len(tool.deviation.splitlines()) >= len(tool.primitives)
     assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.long
+def test_decompose_a_tool_of_several_parts(tmp_path: Path) -> None:
+    """One primitive for each part is better than one for the whole; a smaller limit in all is kept."""
+    fork().export(tmp_path / "fork.stl")
+    found = []
+    for more in ((), ("--max", "2")):
+        out = tmp_path / "fork.yaml"
+        result = call(
+            "decompose", str(tmp_path / "fork.stl"), "--as-tool", "--link-max", "1", "--jobs", "1",
+            *more, "--out", str(out),
+        )  # fmt: skip
+        assert result.exit_code == 0, result.output
+        tool = yaml.safe_load(out.read_text())["tool"]
+        found.append(len(tool["primitives"]))
+        assert {int(line.split()[0]) for line in tool["deviation"].splitlines()} == set(range(found[-1]))
+    assert found == [3, 1]
