@@ -76,6 +76,8 @@ def _motion(cell: LocalDeviation) -> str:
 
 def _fits_the_primitives(text: str, info: ValidationInfo) -> str:
     if "primitives" in info.data:  # otherwise they are wrong themselves
+        if text and not info.data["primitives"]:
+            raise ValueError("expected primitives as well, whose deviation it is, got none")
         read_cells(text, len(info.data["primitives"]))
     return text
 

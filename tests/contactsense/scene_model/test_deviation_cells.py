@@ -170,6 +170,11 @@ def test_contacts_on_a_tool_are_those_on_the_same_link() -> None:
             np.testing.assert_allclose(other.covariance, one.covariance, rtol=1e-5, atol=1e-12)
 
 
+def test_a_table_without_primitives_is_refused() -> None:
+    with pytest.raises(SceneError, match=r"tool\.deviation: expected primitives as well"):
+        Scene(robot="ur5e", tool={"mass": 1.0, "deviation": "0 0 0 0 0.5 3"})
+
+
 @pytest.mark.parametrize(
     ("line", "told"),
     [
