@@ -1,6 +1,7 @@
 """Entry point: `contactsense COMMAND ...`. Commands are imported only when they are called."""
 
 import errno
+import os
 import signal
 import sys
 
@@ -65,5 +66,7 @@ def main() -> None:
         if error.errno != errno.ENOSPC or error.filename is not None:
             raise
         print(f"contactsense: cannot write the output: {error.strerror}", file=sys.stderr)
+        # What is still buffered cannot be written, either: Python would try it again at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)
     sys.exit(status if isinstance(status, int) else 0)

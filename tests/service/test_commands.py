@@ -246,10 +246,14 @@ def test_commands_are_listed_in_the_order_of_their_use(
 
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
-def test_output_to_a_full_disk_is_told_in_one_line() -> None:
+@pytest.mark.parametrize("buffered", [True, False])
+def test_output_to_a_full_disk_is_told_in_one_line(buffered: bool) -> None:
     command = [sys.executable, "-m", "contactsense", "robots"]
+    environment = {**os.environ, "PYTHONUNBUFFERED": "" if buffered else "1"}
     with Path("/dev/full").open("w") as full:
-        ended = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+        ended = subprocess.run(
+            command, stdout=full, stderr=subprocess.PIPE, text=True, check=False, env=environment
+        )
     assert ended.returncode == 1
     assert ended.stderr == "contactsense: cannot write the output: No space left on device\n"
 
