@@ -31,13 +31,14 @@ SCENE = {
     "base_wrench": {"force_noise": 0.25, "moment_noise": 0.05},
     "joint_torque": {"noise": 1.0},
 }
+DURATION = 10.0  # of the simulated motion [s]
 
 
 async def measurements(motion: Motion) -> AsyncIterator[dict[str, Any]]:
     """One sample after another, each at its time."""
     clock = asyncio.get_running_loop().time
     begin = clock()
-    for i, t in enumerate(motion.t.tolist()):
+    for i, t in enumerate(motion.t[motion.t < DURATION].tolist()):
         await asyncio.sleep(max(0.0, begin + t - clock()))
         yield {
             "t": t,
@@ -80,7 +81,7 @@ async def run(url: str) -> None:
         if "errors" in answer:
             sys.exit(f"{answer['errors'][0]['field']}: {answer['errors'][0]['reason']}")
         print(f"links of the {answer['robot']}: {', '.join(answer['links'])}")
-        await asyncio.gather(send(connection, motion), receive(connection, len(motion.t)))
+        await asyncio.gather(send(connection, motion), receive(connection, int((motion.t < DURATION).sum())))
 
 
 def main() -> None:

@@ -31,7 +31,7 @@ def _said(scene: Scene, recording: FreeMotion) -> dict[str, tuple[str | None, st
     return {item.line: (item.proposed, item.remark) for item in check(scene, [recording]).wrong}
 
 
-@pytest.mark.parametrize("scale", [100.0, pytest.param(1.0 / G, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("scale", [100.0, pytest.param(1.0 / G, marks=pytest.mark.long)])
 def test_torques_of_another_unit_and_the_opposite_sign(scale: float) -> None:
     scene, recording, torque, _ = _cell()
     said = _said(scene, replace(recording, torque=-scale * torque))
@@ -59,8 +59,13 @@ def test_the_torque_of_one_joint_with_another_scale_and_the_opposite_sign() -> N
     ("factors", "line", "proposed"),
     [
         (np.repeat([-1.0 / G, 1.0], 3), "order of axes", "forces -x -y -z, moments x y z"),
-        (np.repeat([1.0, -100.0], 3), "order of axes", "forces x y z, moments -x -y -z"),
-        (np.repeat([-1.0 / G, -100.0 / G], 3), "sign", None),
+        pytest.param(
+            np.repeat([1.0, -100.0], 3),
+            "order of axes",
+            "forces x y z, moments -x -y -z",
+            marks=pytest.mark.long,
+        ),
+        pytest.param(np.repeat([-1.0 / G, -100.0 / G], 3), "sign", None, marks=pytest.mark.long),
     ],
 )
 def test_a_base_sensor_of_another_scale_and_the_opposite_sign(

@@ -42,7 +42,9 @@ def test_another_arm_and_a_missing_tool_are_no_other_line(arm: str, seed: int) -
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("arm", "seed"), [("ur10e", 20_000), ("ur5e", 20_001)])
+@pytest.mark.parametrize(
+    ("arm", "seed"), [("ur10e", 20_000), pytest.param("ur5e", 20_001, marks=pytest.mark.long)]
+)
 def test_a_pair_is_found_where_one_line_leaves_residuals_far_beyond_the_noise(arm: str, seed: int) -> None:
     """In the second cell those residuals are small against the weight, and no line alone is convincing."""
     case, lines = two_wrong_lines(arm, seed, Settings(), kinds=ARM_AND_TOOL)
