@@ -12,12 +12,9 @@ from contactsense.multi_contact.contact_set_builder import ContactSetBuilder
 from contactsense.multi_contact.kernels import explain_contact_sets
 from contactsense.multi_contact.marginal_probabilities import state_marginal_probabilities
 from contactsense.multi_contact.tracker import MultiContactTracker
-from contactsense.output.degraded_reason import degraded_reason
+from contactsense.output.degraded_reason import SET_BACK, degraded_reason
 from contactsense.plausibility.stream_screening import StreamScreening
 from contactsense.plausibility.stream_start import FROM_START, StreamStart
-from contactsense.residuals.bias_filter import restart as restart_bias_filter
-from contactsense.residuals.noise_scale import restart as restart_noise_scale
-from contactsense.residuals.sensor_consistency import restart as restart_consistency
 from contactsense.robots.jit.compilation import CompilationProgress
 from contactsense.robots.jit.declaration import numbers
 from contactsense.robots.jit.direct_call import direct_call
@@ -27,18 +24,19 @@ from contactsense.runtime.block_runner import MAX_BLOCK, BlockRunner
 from contactsense.runtime.intrinsic import batch_intrinsic, localize_intrinsic
 from contactsense.runtime.kernels import DETECTED, SCREENED, process
 from contactsense.runtime.picked_up_payload import PickedUpPayload
+from contactsense.runtime.stream_restart import restart_state
 from contactsense.sample_blocks import BlockEstimates, SampleBlock
 from contactsense.scene import Scene
 from contactsense.sensors.link_values import as_fields
 from contactsense.sensors.stream_state import (
     DEGRADED,
     REPEATED,
+    RESTARTED,
     SUSPECT,
     TOUCHED,
     UNUSABLE,
     WRONG_SIZE,
 )
-from contactsense.sensors.stream_state import restart as restart_stream
 from contactsense.sensors.timing import reset_timing
 from contactsense.sensors.usable_sensors import (
     Usable,
@@ -137,24 +135,10 @@ class Localizer(StaticLocalizer):
 
     def _forget_stream(self) -> None:
         """Forget what all samples have told, except which contacts are open and their numbers."""
-        constants, state = self._buffers.constants, self._buffers.state
-        restart_stream(state.stream)
-        state.stream.usable[:] = 0
-        restart_consistency(state.consistency, self.scene.force, self.scene.contacts == 1)
-        end_contact(state.track)
+        restart_state(self.scene, self._buffers.constants, self._buffers.state)
         self._screening.reset()
         self._start.reset()
         self._detectable.reset()
-        for array, initial in zip(state.model, constants.model, strict=True):
-            array[:] = initial
-        state.torque_model.bias[:] = constants.torque_model.bias
-        state.torque_model.friction_factor[:] = constants.torque_model.friction_factor
-        weight = constants.model.mass[0] * np.append(
-            constants.gravity, np.cross(constants.model.com[0], constants.gravity)
-        )
-        friction_error = constants.torque_model.friction_error
-        restart_bias_filter(state.bias_filter, self.scene.inertia_error, weight, friction_error)
-        restart_noise_scale(state.noise_scale, constants.sensors.base_covariance)
         if self._payload is not None:
             self._payload.reset()
 
@@ -260,7 +244,8 @@ class Localizer(StaticLocalizer):
                 localize_intrinsic(*self._kernel_args)
                 found[: PRIMITIVE + 1] = self._found()[: PRIMITIVE + 1]
         count = found[COUNT]
-        kinds, release = self._phase_change(t, found)
+        unseen = self._restart_reason or (SET_BACK if flags & RESTARTED else "")
+        kinds, release = self._phase_change(t, found, unseen)
         if self._phase == HOLD and self._payload is not None and self._usable()[:2] == (True, True):
             mass = self._payload.step()
             if mass is not None:
@@ -274,7 +259,7 @@ class Localizer(StaticLocalizer):
             self._restart_reason = ""
         if self._multi_tracker is not None:
             if count < 0:
-                release += self._multi_tracker.end(t, self._number)
+                release += self._multi_tracker.end(t, self._number, unseen)
             else:
                 estimate, self._number = self._multi_tracker.step(
                     t, self._usable(), self._number, count > 0, reason
@@ -315,14 +300,17 @@ class Localizer(StaticLocalizer):
         self._phase = NONE
         return self._estimate_builder.without_contacts(t, "none", events=(event,))
 
-    def _phase_change(self, t: float, found: list[int]) -> tuple[tuple[EventKind, ...], tuple[Event, ...]]:
-        """Events of the contact in this sample: kinds of its own events, and its release."""
+    def _phase_change(
+        self, t: float, found: list[int], unseen: str = ""
+    ) -> tuple[tuple[EventKind, ...], tuple[Event, ...]]:
+        """Events of the contact in this sample: kinds of its own events, and its release, whose reason is
+        `unseen`."""
         phase, previous = found[PHASE], self._phase
         if phase == previous:
             return (), ()
         self._phase = phase
         if phase == NONE:
-            return (), (Event("release", self._number, t),)
+            return (), (Event("release", self._number, t, reason=unseen),)
         if phase == NEW:
             last, self._number = self._number, found[NUMBER]
             return ("onset" if self._number != last else "resume",), ()

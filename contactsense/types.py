@@ -94,6 +94,8 @@ class Event:
     """The most probable link, if there is one."""
     mass: float = 0.0
     """Change of the payload's mass [kg]."""
+    reason: str = ""
+    """Of a `release`: why the end of the contact was not seen, as when a new stream begins; else empty."""
 
 
 @with_attributes

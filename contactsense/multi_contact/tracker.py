@@ -107,12 +107,16 @@ class MultiContactTracker:
         self._next_prior: list[Hypothesis] = []
         self._prior_time = self._explained_time = self._next_search = -math.inf
 
-    def end(self, t: float, number: int) -> tuple[Event, ...]:
-        """Release all contacts; returns the release events except that of contact `number`. Of several, none
-        resumes: an onset does not tell which."""
+    def end(self, t: float, number: int, unseen: str) -> tuple[Event, ...]:
+        """Release all contacts; returns the release events, whose reason is `unseen`, except that of contact
+        `number`. Of several, none resumes: an onset does not tell which."""
         if self._members:
             self._state.track.status[0].time_since_end = math.inf
-        released = tuple(Event("release", m.number, t) for m in self._members if m.number != number)
+        released = tuple(
+            Event("release", member.number, t, reason=unseen)
+            for member in self._members
+            if member.number != number
+        )
         self.forget()
         return released
 

@@ -17,6 +17,8 @@ from contactsense.sensors.timing import LONGEST_FIRST_STEP
 
 NEW_STREAM = "a new stream begins, in which the observer is settling"
 """Part of the reason of the first estimate after the samples were those of another clock."""
+SET_BACK = f"t: expected a later time than that of the previous sample, got an earlier one: {NEW_STREAM}"
+"""Why a stream begins anew within the samples of one clock."""
 
 
 def degraded_reason(
@@ -50,9 +52,7 @@ def degraded_reason(
     if flags & INCONSISTENT:
         reasons += describe_inconsistency(consistency)
     if flags & RESTARTED:
-        reasons.append(
-            f"t: expected a later time than that of the previous sample, got an earlier one: {NEW_STREAM}"
-        )
+        reasons.append(SET_BACK)
     if flags & SETTLING and step > LONGEST_FIRST_STEP:
         got = f"{step:.4g} s" if step < LONGEST_STEP else "a day or more"
         reasons.append(

@@ -172,6 +172,9 @@ def _compare(console: Console, client: Client, board: Scoreboard, motion: Motion
             style="bold green" if right == len(verdicts) else "bold red",
         )
     )
+    if right < len(verdicts) and board.degraded:
+        reason, _ = board.degraded.most_common(1)[0]
+        console.print(f"{board.degraded.total()} estimates were degraded, most of them because: {reason}")
     source = client.health().source
     blind = source.without_wrench / max(source.robot.received, 1)
     if blind > BLIND_SHARE:

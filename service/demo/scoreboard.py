@@ -59,6 +59,8 @@ class Scoreboard:
         """Number of processed estimates."""
         self.false_alarms = 0
         """Number of estimates with a contact while the script has none."""
+        self.degraded: Counter[str] = Counter()
+        """Number of degraded estimates, by their reason."""
         self._free_from = 0.0
 
     @property
@@ -69,6 +71,8 @@ class Scoreboard:
     def take(self, estimate: EstimateOut) -> Verdict | None:
         """Process an estimate; returns the verdict on a contact that has ended, if there is one."""
         self.seen += 1
+        if estimate.status == "degraded":
+            self.degraded[estimate.reason] += 1
         t = estimate.t
         best = estimate.contacts[0] if estimate.contacts else None
         entry = self._open[0] if self._open else None

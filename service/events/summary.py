@@ -15,7 +15,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from contactsense.output.degraded_reason import NEW_STREAM
 from contactsense.service.events.model import ContactEvent
 from contactsense.types import Contact, Estimate, Event
 
@@ -156,14 +155,15 @@ class ContactSummaries:
                 if found is None or estimate.t < found.last:
                     found = self._open[number] = _OpenContact(number, estimate.t)
                 found.add(estimate.t, explanations, variance)
-        events = [self._event(event, time, _end_reason(event, estimate)) for event in estimate.events]
+        events = [self._event(event, time) for event in estimate.events]
         return events + self._lost(estimate.t, time)
 
-    def _event(self, event: Event, time: str, reason: str) -> ContactEvent:
+    def _event(self, event: Event, time: str) -> ContactEvent:
         ended = event.kind in ("release", "weight")
         found = self._open.pop(event.contact, None) if ended else self._open.get(event.contact)
         if event.kind == "release":
             self._released = found
+        reason = f"the end of the contact was not seen: {event.reason}" if event.reason else ""
         return (found or _OpenContact(event.contact, event.t)).event(event, time, reason)
 
     def _resume(self, number: int) -> None:
@@ -183,10 +183,3 @@ class ContactSummaries:
             )
             for number in gone
         ]
-
-
-def _end_reason(event: Event, estimate: Estimate) -> str:
-    """Why the release of a contact is not its end: empty where the sensors have seen it."""
-    if event.kind != "release" or NEW_STREAM not in estimate.reason:
-        return ""
-    return f"the end of the contact was not seen: {estimate.reason}"

@@ -57,9 +57,9 @@ def test_another_stream_has_nothing_of_the_last_one(precise: Localizer, later: f
     again = [precise.step(replace(sample, t=sample.t + start)) for sample in samples]
     assert first[-1].contacts[0].id == 1
     assert again[0].reason == "another controller sends: a new stream begins"
-    assert [(event.kind, event.contact, event.t) for event in again[0].events] == [
-        ("release", 1, samples[0].t + start)
-    ]
+    (release,) = again[0].events
+    assert (release.kind, release.contact, release.t) == ("release", 1, samples[0].t + start)
+    assert release.reason == again[0].reason
     assert "another controller" not in again[1].reason
     assert again[-1].contacts[0].id == 2
     assert [estimate.status for estimate in again] == [estimate.status for estimate in first]

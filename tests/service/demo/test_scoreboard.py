@@ -90,6 +90,14 @@ def test_a_wrong_link_is_named_and_not_measured() -> None:
     assert (second.right, second.link) == (False, None)
 
 
+def test_why_estimates_were_degraded_is_counted() -> None:
+    board, nowhere = Scoreboard(simulate(SCRIPT, random_arm(1, 3))), np.zeros(3)
+    for reason in ("", "base_wrench is missing", "base_wrench is missing", "t runs back"):
+        plain = estimate(0.1, None, nowhere, nowhere)
+        board.take(plain.model_copy(update={"status": "degraded" if reason else "none", "reason": reason}))
+    assert board.degraded == {"base_wrench is missing": 2, "t runs back": 1}
+
+
 def test_contacts_where_there_are_none_are_false_alarms() -> None:
     board = Scoreboard(simulate(SCRIPT, random_arm(1, 3)))
     for t in (0.1, 0.2, 0.3):
