@@ -97,7 +97,7 @@ class Tracks:
         """Feed the pipeline with the controller's messages until one of them ends the connection."""
         form = _Form()
         who = "a controller" if websocket.client is None else f"a controller at {websocket.client.host}"
-        log.info("%s sends the samples from now on; the estimation begins anew", who)
+        log.info("%s sends the samples from now on: a new stream begins", who)
         try:
             await _first(
                 self._forward(websocket, channel, form),

@@ -1,6 +1,7 @@
 """Source of samples that a controller pushes, in the pipeline's process."""
 
 import contextlib
+import math
 import selectors
 import socket
 import time
@@ -48,7 +49,7 @@ class PushSource:
         self._unframer = Unframer()
         self._health = StreamHealth(state="waiting", error="no controller is connected to WS /v1/track")
         self._streams = 0
-        self._newest = -1e9
+        self._heard = -math.inf
         self._unusable = self._without_wrench = 0
         self._base_wrench = scene.base_wrench is not None
 
@@ -63,7 +64,7 @@ class PushSource:
                 self._accept()
             now = time.monotonic()
             if samples:
-                self._newest = now
+                self._heard = now
             if samples or now >= deadline:
                 return samples
 
@@ -79,7 +80,7 @@ class PushSource:
         health = self._health
         if self._connection is None:
             health.state, health.error = "waiting", "no controller is connected to WS /v1/track"
-        elif time.monotonic() - self._newest > _SILENT:
+        elif time.monotonic() - self._heard > _SILENT:
             health.state = "waiting"
             health.error = f"the controller at WS /v1/track has sent no usable sample for {_SILENT:g} s"
         else:
@@ -112,6 +113,7 @@ class PushSource:
             connection.setblocking(False)
             self._selector.register(connection, selectors.EVENT_READ)
             self._connection, self._unframer = connection, Unframer()
+            self._heard = time.monotonic()  # it has not been silent before it connected
             self._readings = PushedReadings(self._scene)
             self._refused, self._refusal = RecentCounts(), ""
             self._streams += 1

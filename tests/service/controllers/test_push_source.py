@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from contactsense import Scene
+from contactsense.service.controllers import push_source
 from contactsense.service.controllers.framing import Unframer, frame
 from contactsense.service.controllers.push_source import PushSource
 
@@ -45,12 +46,28 @@ def test_a_controller_that_hangs_up_after_a_bad_message_ends_nothing(
         assert sample.t == 1.0
 
 
+def test_a_controller_is_not_silent_before_it_has_connected(source: PushSource, tmp_path: Path) -> None:
+    """Its silence counts from then on, and health tells that it is another one."""
+    for connection, error in (
+        (1, "no controller is connected to WS /v1/track"),
+        (2, "a controller has connected anew (connection 2); the estimation began anew"),
+    ):
+        with connected(tmp_path) as controller:
+            source.poll(0.0)
+            robot = source.health.robot
+            assert (robot.state, robot.connections, robot.error) == ("streaming", connection, error)
+        source.poll(0.2)
+
+
 def sent(*messages: dict[str, object]) -> bytes:
     return b"".join(frame(json.dumps(message).encode(), False) for message in messages)
 
 
-def test_why_messages_are_refused_is_told(source: PushSource, tmp_path: Path) -> None:
+def test_why_messages_are_refused_is_told(
+    source: PushSource, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The controller may not read the answers, and whoever asks for health does not see them."""
+    monkeypatch.setattr(push_source, "_SILENT", 0.0)
     with connected(tmp_path) as controller:
         source.poll(0.0)
         controller.sendall(sent(*({**GOOD, "q": [0.0] * 5},) * 2))
@@ -59,7 +76,7 @@ def test_why_messages_are_refused_is_told(source: PushSource, tmp_path: Path) ->
         controller.sendall(sent(*({**GOOD, "q": [0.0] * 5},) * 5))
         source.poll(0.1)
         assert source.health.trouble == (
-            "the controller at WS /v1/track has sent no usable sample for 0.5 s; the controller's messages "
+            "the controller at WS /v1/track has sent no usable sample for 0 s; the controller's messages "
             "are refused, the latest one because of q: expected a list of 6 numbers, one per joint of ur5e, "
             "got 5 of them"
         )

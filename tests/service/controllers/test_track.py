@@ -205,8 +205,6 @@ def test_another_controller_begins_anew(
     with connect(f"ws://{source}/v1/stream") as reader, opened(source) as client:
         again = _steady(client, pushed, start)
         seen = json.loads(reader.recv(timeout=SLOW))
-        robot = _until(source, lambda health: "connected anew" in health["source"]["robot"]["last_error"])
-        assert robot["source"]["robot"]["last_error_time"] is not None
     reason = "a controller has connected anew: a new stream begins, in which the observer is settling"
     assert (again[0]["t"], again[0]["status"], again[0]["reason"]) == (start, "degraded", reason)
     assert (seen["t"], seen["reason"]) == (start, reason)
