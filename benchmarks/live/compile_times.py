@@ -23,8 +23,8 @@ def measure() -> dict[str, list[float]]:
     """Compile in this process, without the existing cache; compile time of each version of each function
     [s]."""
     from contactsense import Localizer, Scene
-    from contactsense.localizer import kernels_of
     from contactsense.robots.jit.compilation import Compilation
+    from contactsense.stream_localizer import kernels_of
 
     scene = Scene(robot="ur5e", contacts=3)
     with Compilation(kernels_of(scene), clock=time.process_time) as compilation:

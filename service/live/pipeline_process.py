@@ -20,7 +20,6 @@ from datetime import UTC, datetime
 from typing import Any, Protocol, TypeVar
 
 from contactsense import Estimate, Localizer, Sample, Scene
-from contactsense.localizer import kernels_of
 from contactsense.output.degraded_reason import NEW_STREAM
 from contactsense.robots.jit.compilation import Compilation
 from contactsense.service.api.estimate_json import estimate_json
@@ -35,6 +34,7 @@ from contactsense.service.process_argument import receive
 from contactsense.service.sensors import source_health
 from contactsense.service.sensors.netft_client import WrenchHealth
 from contactsense.service.sensors.robot_stream import StreamHealth
+from contactsense.stream_localizer import kernels_of
 
 HEAD = struct.Struct("<cdI")
 """Header of each message: kind, time of the sample [s], number of bytes that follow."""

@@ -107,7 +107,7 @@ def test_numbas_events_are_followed_and_a_second_run_compiles_nothing(tmp_path: 
 def test_the_table_covers_the_localizer(monkeypatch: pytest.MonkeyPatch) -> None:
     """Functions that are missing in it count as the median; most must be there."""
     from contactsense import Scene
-    from contactsense.localizer import kernels_of
+    from contactsense.stream_localizer import kernels_of
 
     monkeypatch.setattr(module, "_cached_versions", lambda compiled: 0)
     needed = module.uncached(kernels_of(Scene(robot="ur5e", contacts=3)))

@@ -52,7 +52,7 @@ def test_a_controller_is_not_silent_before_it_has_connected(source: PushSource, 
         (1, "no controller is connected to WS /v1/track"),
         (2, "a controller has connected anew (connection 2); the estimation began anew"),
     ):
-        with connected(tmp_path) as controller:
+        with connected(tmp_path):
             source.poll(0.0)
             robot = source.health.robot
             assert (robot.state, robot.connections, robot.error) == ("streaming", connection, error)

@@ -1,8 +1,5 @@
 """Recordings in every format that is read, and everything that can be wrong with them."""
 
-import datetime
-import io
-import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from contactsense import Localizer, Sample, Scene
+from contactsense import Localizer, Sample
 from contactsense.scene_model.wrench_map import WrenchMap
 from contactsense.service.recordings import (
     RecordingError,
@@ -22,7 +19,6 @@ from contactsense.service.recordings import (
 )
 from contactsense.service.recordings.cleaning import RowChecker
 from contactsense.service.recordings.metadata import metadata
-from contactsense.service.recordings.problem_lines import problem_lines
 from tests.service.recordings.tables import (
     SCENE,
     TORQUES,
@@ -55,22 +51,6 @@ def test_every_table_format_reads_the_same(
     np.testing.assert_array_equal(recording.rows, np.arange(N))
 
 
-def test_the_mark_with_which_spreadsheets_begin_a_file_is_no_part_of_a_name(tmp_path: Path) -> None:
-    path = as_csv(tmp_path, columns())
-    expected = read(path, SCENE).t
-    path.write_text("\ufeff" + path.read_text(), encoding="utf-8")
-    np.testing.assert_array_equal(read(path, SCENE).t, expected)
-
-
-@pytest.mark.parametrize("delimiter", [", ", " , ", "\t"])
-def test_blanks_around_names_and_numbers_are_no_part_of_them(tmp_path: Path, delimiter: str) -> None:
-    found = columns()
-    (tmp_path / "a.csv").write_text(text(found, delimiter))
-    recording = read(tmp_path / "a.csv", SCENE)
-    np.testing.assert_array_equal(recording.q, table(found, "actual_q"))
-    assert recording.problems == ()
-
-
 def test_packed_files_and_names_in_capitals(tmp_path: Path) -> None:
     found = columns()
     packed = as_gzip(tmp_path, found).rename(tmp_path / "a.csv")
@@ -93,128 +73,6 @@ def test_dates_are_seconds_since_1970(tmp_path: Path, unit: str, zone: str | Non
     assert recording.problems == ()
 
 
-@pytest.mark.parametrize("zone", ["", "Z", "+02:00"])
-def test_dates_in_text_are_seconds_since_1970(tmp_path: Path, zone: str) -> None:
-    found = columns()
-    t = 1_774_746_000.0 + np.arange(N) * 0.002
-    head, *lines = text(found).splitlines()
-    offset = datetime.timezone(datetime.timedelta(hours=2 if zone == "+02:00" else 0))
-    dates = [datetime.datetime.fromtimestamp(x, offset).replace(tzinfo=None) for x in t.tolist()]
-    dated = [
-        f"{date.isoformat(' ', 'microseconds')}{zone},{line.partition(',')[2]}"
-        for date, line in zip(dates, lines, strict=True)
-    ]
-    (tmp_path / "a.csv").write_text("\n".join([head, *dated]))
-    recording = read(tmp_path / "a.csv", SCENE)
-    np.testing.assert_allclose(recording.t, t, atol=1e-6)
-    np.testing.assert_array_equal(recording.q, table(found, "actual_q"))
-    assert recording.problems == ()
-
-
-def test_units_below_the_header_are_one_problem(tmp_path: Path) -> None:
-    found = columns()
-    head, *lines = text(found).splitlines()
-    units = ",".join(["s", *["rad"] * (head.count(","))])
-    (tmp_path / "a.csv").write_text("\n".join([head, units, *lines]))
-    recording = read(tmp_path / "a.csv", SCENE)
-    assert problem_lines(recording.problems) == (
-        "row 0: expected numbers, got 's', 'rad', 'rad', ...; row ignored",
-    )
-    np.testing.assert_array_equal(recording.q, table(found, "actual_q"))
-
-
-@pytest.mark.parametrize(
-    ("beginning", "told"),
-    [
-        ("# recorded by me\n", "got a comment: '# recorded by me'"),
-        ('[{"timestamp": 0.0, "actual_q_0": 0.0}]\n', "got JSON: "),
-        ("#ROSBAG V2.0\n", "got a ROS 1 bag: "),
-    ],
-)
-def test_files_of_another_kind_are_named(tmp_path: Path, beginning: str, told: str) -> None:
-    (tmp_path / "a.csv").write_text(beginning + text(columns()))
-    with pytest.raises(RecordingError, match=r"a\.csv: expected CSV with a header line .*" + re.escape(told)):
-        read(tmp_path / "a.csv", SCENE)
-
-
-def _savetxt(names: str, delimiter: str, comments: str) -> str:
-    stream, found = io.StringIO(), columns()
-    head = names.join(found)
-    np.savetxt(
-        stream, np.column_stack([*found.values()]), header=head, delimiter=delimiter, comments=comments
-    )
-    return stream.getvalue()
-
-
-@pytest.mark.parametrize("comments", ["# ", "#", "% ", ""])
-@pytest.mark.parametrize(("names", "delimiter"), [(",", ","), (" ", " "), (" ", ","), (", ", " ")])
-def test_a_header_as_numpy_writes_it(tmp_path: Path, names: str, delimiter: str, comments: str) -> None:
-    if not comments and names.strip() != delimiter.strip():
-        pytest.skip("without a mark, header and rows have the same delimiter")
-    (tmp_path / "a.csv").write_text(_savetxt(names, delimiter, comments))
-    recording = read(tmp_path / "a.csv", SCENE)
-    np.testing.assert_array_equal(recording.q, table(columns(), "actual_q"))
-    assert recording.problems == ()
-
-
-def test_a_missing_number_below_a_commented_header(tmp_path: Path) -> None:
-    head, first, *lines = _savetxt(",", ",", "# ").splitlines()
-    first = ",".join([*first.split(",")[:-1], "nan"])
-    (tmp_path / "a.csv").write_text("\n".join([head, first, *lines]))
-    assert len(read(tmp_path / "a.csv", SCENE)) == N
-
-
-@pytest.mark.parametrize(
-    ("separator", "left", "right"),
-    [(",", "", ","), (" ", "", " "), ("  ", "", ""), ("   ", "  ", "  "), (",", "\n", "")],
-)
-def test_what_programs_write_around_numbers(tmp_path: Path, separator: str, left: str, right: str) -> None:
-    """A delimiter after each number, columns that are padded with blanks, empty lines."""
-    head, *lines = text(columns()).splitlines()
-    lines[10] = "1,2"
-    rows = [f"{left}{line.replace(',', separator)}{right}" for line in lines]
-    (tmp_path / "a.csv").write_text("\n".join([left + head.replace(",", separator), *rows]) + "\n")
-    recording = read(tmp_path / "a.csv", SCENE)
-    np.testing.assert_array_equal(recording.q, np.delete(table(columns(), "actual_q"), 10, axis=0))
-    (problem,) = recording.problems if left != "\n" else recording.problems[-1:]
-    assert (problem.row_from, problem.kind) == (10, "bad_row")
-
-
-def test_columns_without_a_name_are_no_duplicates(tmp_path: Path) -> None:
-    (tmp_path / "a.csv").write_text(text(columns()).replace("\n", ",,\n"))
-    np.testing.assert_array_equal(read(tmp_path / "a.csv", SCENE).q, table(columns(), "actual_q"))
-
-
-def test_a_title_above_the_header_is_told(tmp_path: Path) -> None:
-    title = "robot state" + "," * 24 + "\n"
-    (tmp_path / "a.csv").write_text(title + text(columns()))
-    with pytest.raises(
-        RecordingError, match="expected a header line that names the columns, got 'robot state"
-    ):
-        read(tmp_path / "a.csv", SCENE)
-
-
-def test_the_line_with_which_a_spreadsheet_names_the_delimiter(tmp_path: Path) -> None:
-    (tmp_path / "a.csv").write_text("sep=;\r\n" + text(columns(), ";").replace("\n", "\r\n"), newline="")
-    np.testing.assert_array_equal(read(tmp_path / "a.csv", SCENE).q, table(columns(), "actual_q"))
-
-
-def test_another_encoding_is_told(tmp_path: Path) -> None:
-    (tmp_path / "a.csv").write_text(text(columns(), "\t"), encoding="utf-16")
-    with pytest.raises(RecordingError, match="expected text in UTF-8, got UTF-16"):
-        read(tmp_path / "a.csv", SCENE)
-
-
-def test_words_for_missing_numbers_are_one_problem(tmp_path: Path) -> None:
-    head, *lines = text(columns()).splitlines()
-    for i, word in enumerate(["NaN", "-nan(ind)", "1.#QNAN", "#N/A", "n/a", "None", "-", ""]):
-        lines[i] = ",".join([*lines[i].split(",")[:-1], word])
-    (tmp_path / "a.csv").write_text("\n".join([head, *lines]))
-    assert problem_lines(read(tmp_path / "a.csv", SCENE).problems) == (
-        "rows 0 to 7: base_wrench is missing or not finite",
-    )
-
-
 def test_rows_in_no_order_span_the_time_from_the_earliest_to_the_latest(tmp_path: Path) -> None:
     head, *lines = text(columns()).splitlines()
     shuffled = np.random.default_rng(0).permutation(lines)
@@ -224,12 +82,6 @@ def test_rows_in_no_order_span_the_time_from_the_earliest_to_the_latest(tmp_path
     found = columns()
     found["timestamp"][N // 2 :] -= found["timestamp"][N // 2]  # set back once
     assert read(as_csv(tmp_path, found), SCENE).seconds == pytest.approx(0.002 * (N - 2))
-
-
-def test_what_is_no_text_is_not_printed(tmp_path: Path) -> None:
-    (tmp_path / "a.csv").write_bytes(np.random.default_rng(0).bytes(4000))
-    with pytest.raises(RecordingError, match=r"a\.csv: expected a table as text, got binary data$"):
-        read(tmp_path / "a.csv", SCENE)
 
 
 def test_a_folder_that_was_recorded_is_one_recording(tmp_path: Path) -> None:
@@ -268,32 +120,6 @@ def test_infinite_readings_are_missing(tmp_path: Path) -> None:
     assert [(p.row_from, p.row_to, p.kind) for p in recording.problems] == [
         (4, 5, "not_finite"), (3, 4, "not_finite"),
     ]  # fmt: skip
-
-
-@pytest.mark.parametrize("point", [".", ","])
-@pytest.mark.parametrize("word", ["", "oops"])
-def test_semicolons_and_decimal_commas(tmp_path: Path, point: str, word: str) -> None:
-    """As spreadsheets write them; with a word, cells are read as text."""
-    found = columns()
-    head, first, *lines = text(found, ";").replace(".", point).splitlines()
-    if word:
-        first = first.rpartition(";")[0] + f";{word}"
-    (tmp_path / "a.csv").write_text("\n".join([head.replace("_0;", "_0 ;"), first, *lines]))
-    recording = read(tmp_path / "a.csv", SCENE)
-    np.testing.assert_array_equal(recording.t, found["timestamp"])
-    np.testing.assert_array_equal(recording.q, table(found, "actual_q"))
-    assert problem_lines(recording.problems) == (
-        (f"row 0: base_wrench_5: expected numbers, got '{word}'",) if word else ()
-    )
-
-
-def test_a_header_is_missed_where_commas_are_decimal(tmp_path: Path) -> None:
-    lines = text(columns(), ";").replace(".", ",").splitlines()
-    (tmp_path / "a.csv").write_text("\n".join(lines[1:]))
-    with pytest.raises(
-        RecordingError, match=r"expected a header line that names the columns, got '100,000000"
-    ):
-        read(tmp_path / "a.csv", SCENE)
 
 
 def test_a_time_that_can_be_none_in_any_unit_is_not_used(tmp_path: Path) -> None:
@@ -336,37 +162,6 @@ def test_rows_that_are_wrong_are_named_and_the_rest_is_used(tmp_path: Path) -> N
     samples = list(recording.samples())
     assert samples[8].base_wrench is None  # row 10, two rows before it are left out
     assert samples[7].base_wrench is not None
-
-
-def test_a_row_with_a_missing_cell_is_ignored_and_a_word_is_no_number(tmp_path: Path) -> None:
-    lines = text(columns()).splitlines()
-    lines[4] = ",".join(lines[4].split(",")[:-3])
-    lines[8] = lines[8].replace(lines[8].split(",")[3], "oops")
-    (tmp_path / "a.csv").write_text("\n".join(lines))
-    recording = read(tmp_path / "a.csv", SCENE)
-    kinds = {problem.kind for problem in recording.problems}
-    assert kinds == {"bad_row", "not_finite"}
-    assert any("'oops'" in problem.message for problem in recording.problems)
-    assert len(recording) == N - 1
-
-
-def test_a_word_late_in_a_long_file_does_not_repeat_rows(tmp_path: Path) -> None:
-    count = 30_000
-    names = [
-        "timestamp",
-        *(f"{name}_{i}" for name in ("actual_q", "actual_qd", "joint_torque") for i in range(6)),
-    ]
-    cells = np.round(np.random.default_rng(1).standard_normal((count, 18)), 15)
-    rows = [",".join([f"{0.002 * i:.3f}", *map(repr, row)]) for i, row in enumerate(cells.tolist())]
-    rows[-5] = rows[-5].rsplit(",", 1)[0] + ",word"
-    path = tmp_path / "long.csv"
-    path.write_text("\n".join([",".join(names), *rows, ""]))
-    # More than one block of the reader.
-    assert path.stat().st_size > 1 << 22
-    found = read(path, Scene(robot="ur5e", base_wrench=None))
-    np.testing.assert_array_equal(found.rows, np.arange(count))
-    assert np.flatnonzero(np.isnan(found.joint_torque).any(axis=1)).tolist() == [count - 5]
-    assert [problem.row_from for problem in found.problems if problem.kind == "bad_row"] == [count - 5]
 
 
 @pytest.mark.parametrize("share", [0.3, 0.6, 0.95])
