@@ -11,7 +11,12 @@ import numpy as np
 from contactsense.setup_check.hypothesis import Beside, Hypothesis
 from contactsense.setup_check.lines import Line, label
 from contactsense.setup_check.order_hypotheses import reversed_joint
-from contactsense.setup_check.scale_hypotheses import FORCE_UNITS, MOMENT_UNITS, TORQUE_UNITS
+from contactsense.setup_check.scaled_setups import (
+    forces_in_units,
+    moments_in_units,
+    torques_in_units,
+    wrench_times_units,
+)
 from contactsense.setup_check.setup import BASE, SCALED, Free, Setup, plain_order
 
 
@@ -25,11 +30,10 @@ def reversed_torques(line: Line, setup: Setup, other: np.ndarray, moving: np.nda
         moving: Which joints move, shape (n,), as in `scale_hypotheses.torque_scales`.
     """
     turned = replace(setup, gain=-setup.gain)
-    starts = tuple(("", replace(turned, gain=x * turned.gain)) for x in (1.0, *TORQUE_UNITS.values()))
     signal = "", replace(turned, gain=np.sign(turned.gain) * other)
     beside = Beside("joint_torque.sign", "", turned)
     found = [
-        Hypothesis(line, starts, (Free("gain"),), special=True, beside=beside),
+        Hypothesis(line, torques_in_units(turned), (Free("gain"),), special=True, beside=beside),
         Hypothesis("joint_torque.signal", (signal,), special=True, beside=beside),
     ]
     joints = np.flatnonzero(moving & (setup.gain != 0.0)).tolist()
@@ -50,15 +54,9 @@ def reversed_wrench(field: str, setup: Setup) -> list[Hypothesis]:
     """A force/torque sensor with the opposite sign and another scale, or its forces or moments alone."""
     sensor, name = setup.sensors[field], label(field)
     line, order = f"{name} wrench: scale", f"{name} wrench: order of axes"
-    forces, moments = (1.0, *FORCE_UNITS.values()), (1.0, *MOMENT_UNITS.values())
-
-    def scaled(start: Setup, force: float, moment: float) -> tuple[str, Setup]:
-        factors = force ** SCALED["force"] * moment ** SCALED["moment"]
-        return "", start.with_sensor(field, order=start.sensors[field].order * factors)
-
     turned = setup.with_sensor(field, sign=-sensor.sign)
-    same = tuple(scaled(turned, value, value) for value in forces)
-    two = (*same, *(scaled(turned, 1.0, value) for value in moments[1:]))
+    same = wrench_times_units(turned, field)
+    two = (*same, *moments_in_units(turned, field)[1:])
     free = Free("force", field), Free("moment", field)
     sign = Beside(f"{field}.sign", "", turned)
     of_forces, of_moments = (
@@ -69,8 +67,7 @@ def reversed_wrench(field: str, setup: Setup) -> list[Hypothesis]:
         )
         for kind in ("force", "moment")
     )
-    pushes = tuple(scaled(of_forces.setup, value, 1.0) for value in forces)
-    twists = tuple(scaled(of_moments.setup, 1.0, value) for value in moments)
+    pushes, twists = forces_in_units(of_forces.setup, field), moments_in_units(of_moments.setup, field)
     return [
         Hypothesis(line, same, (Free("wrench", field),), special=True, beside=sign),
         Hypothesis(line, two, free, special=True, beside=sign),

@@ -7,22 +7,18 @@ import numpy as np
 from contactsense.scene import Scene
 from contactsense.setup_check.hypothesis import Hypothesis
 from contactsense.setup_check.lines import FROZEN_TORQUES, label, torque_scale
-from contactsense.setup_check.setup import BASE, SCALED, Free, Setup
+from contactsense.setup_check.scaled_setups import (
+    FORCE_UNITS,
+    MOMENT_UNITS,
+    TORQUE_UNITS,
+    forces_in_units,
+    moments_in_units,
+    torques_in_units,
+    wrench_in_units,
+    wrench_times_units,
+)
+from contactsense.setup_check.setup import BASE, Free, Setup
 
-_POUND, _INCH, _G = 4.4482216152605, 0.0254, 9.80665
-"""Pound-force [N], inch [m], and the force of a kilogram [N]."""
-TORQUE_UNITS = {
-    "Ncm": 100.0,
-    "mNm": 1000.0,
-    "kgf m": 1.0 / _G,
-    "kgf cm": 100.0 / _G,
-    "lbf ft": 1.0 / (_POUND * 12.0 * _INCH),
-    "lbf in": 1.0 / (_POUND * _INCH),
-}
-"""Values per newton metre."""
-FORCE_UNITS = {"kgf": 1.0 / _G, "lbf": 1.0 / _POUND, "mN": 1000.0}
-"""Values per newton."""
-MOMENT_UNITS = {**TORQUE_UNITS, "Nmm": 1000.0}
 _UNIT_ERROR = 0.04
 """A scale this close to that of a unit, as a natural logarithm, is taken for it."""
 
@@ -49,23 +45,12 @@ def _named(scale: float, units: dict[str, float]) -> str:
 
 def sensor_scales(field: str, setup: Setup) -> list[Hypothesis]:
     """Forces and moments of a force/torque sensor of two scales, of one, or only one of them of another."""
-    sensor, line = setup.sensors[field], f"{label(field)} wrench: scale"
-
-    def scaled(force: float, moment: float) -> tuple[str, Setup]:
-        factors = force ** SCALED["force"] * moment ** SCALED["moment"]
-        return "", setup.with_sensor(field, order=sensor.order * factors)
-
-    forces, moments = (1.0, *FORCE_UNITS.values()), (1.0, *MOMENT_UNITS.values())
-    same = tuple(scaled(value, value) for value in forces)
+    line, free = f"{label(field)} wrench: scale", (Free("force", field), Free("moment", field))
     return [
-        Hypothesis(
-            line,
-            tuple(scaled(force, moment) for force in forces for moment in moments),
-            (Free("force", field), Free("moment", field)),
-        ),
-        Hypothesis(line, same, (Free("wrench", field),), special=True),
-        Hypothesis(line, tuple(scaled(x, 1.0) for x in forces), (Free("force", field),), special=True),
-        Hypothesis(line, tuple(scaled(1.0, x) for x in moments), (Free("moment", field),), special=True),
+        Hypothesis(line, wrench_in_units(setup, field), free),
+        Hypothesis(line, wrench_times_units(setup, field), (Free("wrench", field),), special=True),
+        Hypothesis(line, forces_in_units(setup, field), free[:1], special=True),
+        Hypothesis(line, moments_in_units(setup, field), free[1:], special=True),
     ]
 
 
@@ -80,8 +65,7 @@ def torque_scales(scene: Scene, setup: Setup, moving: np.ndarray) -> list[Hypoth
     so nothing is said about it alone.
     """
     line = torque_scale(scene)
-    scales = [("", replace(setup, gain=scale * setup.gain)) for scale in (1.0, *TORQUE_UNITS.values())]
-    found = [Hypothesis(line, tuple(scales), (Free("gain"),))]
+    found = [Hypothesis(line, torques_in_units(setup), (Free("gain"),))]
     joints = np.flatnonzero(moving & (setup.gain != 0.0)).tolist()
     if len(joints) > 1 and BASE in setup.sensors:
         each = tuple(Free("gain", joint=joint) for joint in joints)

@@ -1,0 +1,54 @@
+"""A setup whose signals are in other units: where the search for a scale starts."""
+
+from dataclasses import replace
+
+from contactsense.setup_check.setup import SCALED, Setup
+
+Starts = tuple[tuple[str, Setup], ...]
+"""As `Hypothesis.starts`."""
+
+_POUND, _INCH, _G = 4.4482216152605, 0.0254, 9.80665
+"""Pound-force [N], inch [m], and the force of a kilogram [N]."""
+TORQUE_UNITS = {
+    "Ncm": 100.0,
+    "mNm": 1000.0,
+    "kgf m": 1.0 / _G,
+    "kgf cm": 100.0 / _G,
+    "lbf ft": 1.0 / (_POUND * 12.0 * _INCH),
+    "lbf in": 1.0 / (_POUND * _INCH),
+}
+"""Values per newton metre."""
+FORCE_UNITS = {"kgf": 1.0 / _G, "lbf": 1.0 / _POUND, "mN": 1000.0}
+"""Values per newton."""
+MOMENT_UNITS = {**TORQUE_UNITS, "Nmm": 1000.0}
+_FORCES, _MOMENTS = (1.0, *FORCE_UNITS.values()), (1.0, *MOMENT_UNITS.values())
+
+
+def torques_in_units(setup: Setup) -> Starts:
+    """The setup with the joint torques as they are, and in each other unit."""
+    return tuple(("", replace(setup, gain=value * setup.gain)) for value in (1.0, *TORQUE_UNITS.values()))
+
+
+def wrench_in_units(setup: Setup, field: str) -> Starts:
+    """Forces and moments of a force/torque sensor in any two units."""
+    return tuple(_scaled(setup, field, force, moment) for force in _FORCES for moment in _MOMENTS)
+
+
+def wrench_times_units(setup: Setup, field: str) -> Starts:
+    """The whole wrench of a force/torque sensor times the value of each unit of force."""
+    return tuple(_scaled(setup, field, value, value) for value in _FORCES)
+
+
+def forces_in_units(setup: Setup, field: str) -> Starts:
+    """The forces of a force/torque sensor as they are, and in each other unit."""
+    return tuple(_scaled(setup, field, force, 1.0) for force in _FORCES)
+
+
+def moments_in_units(setup: Setup, field: str) -> Starts:
+    """The moments of a force/torque sensor as they are, and in each other unit."""
+    return tuple(_scaled(setup, field, 1.0, moment) for moment in _MOMENTS)
+
+
+def _scaled(setup: Setup, field: str, force: float, moment: float) -> tuple[str, Setup]:
+    factors = force ** SCALED["force"] * moment ** SCALED["moment"]
+    return "", setup.with_sensor(field, order=setup.sensors[field].order * factors)
