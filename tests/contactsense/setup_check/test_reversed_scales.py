@@ -1,4 +1,4 @@
-"""Signals with both the opposite sign and another scale: two lines are named, where nothing was."""
+"""Signals with both the opposite sign and another scale: two lines are named."""
 
 from dataclasses import replace
 

@@ -65,7 +65,7 @@ def test_a_late_base_sensor_is_named_with_its_delay() -> None:
 
 @pytest.mark.slow
 def test_late_positions_make_the_base_sensor_and_the_torques_early() -> None:
-    """The torques were undetermined: friction, which may reverse late, could not reverse early with them."""
+    """Friction reverses with the velocities of late positions: it must be able to reverse early as well."""
     said = {item.line: item.proposed for item in _checked(_case(), "q", "qd").wrong}
     assert set(said) == {"base_wrench.delay", DELAYED_TORQUES}
     delay, torques = said["base_wrench.delay"], said[DELAYED_TORQUES]
