@@ -43,8 +43,10 @@ _LASTING = 10.0
 """A robot that has been late for this long is reported [s]: if the network is slow for a while, that does no
 harm."""
 _ESTABLISHED = 5.0
-"""Arrivals over this time are needed before a stream can be called late: earlier the estimated rate may be
-wrong [s]."""
+"""Arrivals of this time must agree with the line before others can be called late: earlier the estimated rate
+may be wrong [s]."""
+_NEARLY = 0.9
+"""Edges of the hull with which nearly as many arrivals agree are as good [share]."""
 _SKEW = 5e-4
 """Quartz clocks agree within this tolerance; a larger slope error is jitter [s/s]."""
 
@@ -77,11 +79,13 @@ class ClockMap:
         few arrived."""
         self.late_blocks = 0
         """Number of blocks since the stream has become later."""
+        self.confirmed = 0.0
+        """Time of the kept arrivals that agree with the line [s]."""
 
     @property
     def is_late(self) -> bool:
         """Whether the stream has become later, and is not learned from."""
-        return _LATE < self.late < _LATEST and self._stretch >= _ESTABLISHED
+        return _LATE < self.late < _LATEST and self.confirmed >= _ESTABLISHED
 
     def observe(self, tick: float, arrival_ns: int) -> None:
         """Add the arrival of a reading: time on the sensor's clock and host time."""
@@ -124,26 +128,21 @@ class ClockMap:
         return self._origin[1]
 
     def _fit(self) -> None:
-        # Of all lines below the points, the one closest to them at the centre contains the edge of their
-        # lower convex hull that spans the centre.
         hull: list[tuple[float, float]] = []
         for p in self._points:
             while len(hull) > 1 and _turn(hull[-2], hull[-1], p) <= 0.0:
                 hull.pop()
             if not hull or p[0] > hull[-1][0]:
                 hull.append(p)
+        points = np.array(self._points).reshape(-1, 2)
         if len(hull) > 1:
-            middle = 0.5 * (hull[0][0] + hull[-1][0])
-            i = next(k for k, (x, _) in enumerate(hull) if x >= middle)
-            (x0, y0), (x1, y1) = hull[i - 1], hull[i]
-            self._learn((y1 - y0) / (x1 - x0), self._stretch)
-        delays = sorted(y - self.period * x for x, y in self._points)
-        self._offset = delays[0] if delays else 0.0
+            self._learn(_slope(np.array(hull), points), self._stretch)
+        delays = points[:, 1] - self.period * points[:, 0]
+        self._offset = float(delays.min(initial=math.inf)) if len(points) else 0.0
+        agree = delays - self._offset <= _TOLERANCE
+        self.confirmed = float(agree @ _durations(points))
         self.ready = self.ready or (
-            self._stretch >= _START
-            and self.period > 0.0
-            and len(delays) >= _SUPPORT
-            and delays[_SUPPORT - 1] - delays[0] <= _TOLERANCE
+            self._stretch >= _START and self.period > 0.0 and int(agree.sum()) >= _SUPPORT
         )
 
     @property
@@ -157,6 +156,32 @@ class ClockMap:
                 self.period = slope
         elif stretch >= _TRUST:
             self.period = min(max(slope, self._given * (1.0 - _SKEW)), self._given * (1.0 + _SKEW))
+
+
+def _slope(hull: np.ndarray, points: np.ndarray) -> float:
+    """Slope of the edge of the lower convex hull with which the arrivals of the longest time agree; of those
+    that are nearly as good, the one nearest to the centre, where a line below all points is closest to them.
+
+    A stream that begins late, as on a host that is busy at first, has an edge from its beginning to the first
+    arrivals in time, which would be that in the centre for as long again.
+
+    Args:
+        hull: Corners, shape (k, 2).
+        points: All points, shape (n, 2).
+    """
+    (x0, y0), (x1, y1) = hull[:-1].T, hull[1:].T
+    slopes = (y1 - y0) / (x1 - x0)
+    above = points[:, 1, None] - y0 - slopes * (points[:, 0, None] - x0)
+    agreed = _durations(points) @ (above <= _TOLERANCE)
+    centre = 0.5 * (hull[0, 0] + hull[-1, 0])
+    distance = np.maximum(0.0, np.maximum(x0 - centre, centre - x1))
+    distance[agreed < _NEARLY * agreed.max()] = math.inf
+    return float(slopes[distance.argmin()])
+
+
+def _durations(points: np.ndarray) -> np.ndarray:
+    """Time for which each point stands [s], shape (n,)."""
+    return np.minimum(np.diff(points[:, 1], append=points[-1:, 1]), _BLOCK)
 
 
 def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
@@ -244,8 +269,10 @@ class Aligner:
 
     @property
     def ready(self) -> bool:
-        """Whether both clocks have been heard for long enough."""
-        return self._sensor.ready and self._robot.ready
+        """Whether both clocks are known: they have been heard for long enough, and what is known of the
+        sensor's fits its latest readings."""
+        fits = self._sensor.confirmed >= _ESTABLISHED or self._sensor.late <= self._robot.late + _LATE
+        return self._sensor.ready and self._robot.ready and fits
 
     @property
     def is_late(self) -> bool:

@@ -111,6 +111,27 @@ def test_a_start_on_a_host_without_time_uses_no_reading_of_another_instant(seed,
     assert np.abs(errors).max() < 5e-3
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_a_stream_that_is_late_only_at_first_is_not_called_late(seed: int) -> None:
+    """As from a host that is busy at the start: it catches up, faster than its own clock runs."""
+    rng = np.random.default_rng(seed)
+    robot, sensor = np.arange(0.0, 14.0, 0.002), np.arange(0.0, 14.0, 0.001)
+    late = rng.uniform(0.02, 0.3) * np.maximum(0.0, 1.0 - sensor / rng.uniform(2.6, 4.6))
+    events = [(at, 0, k) for k, at in enumerate(arrivals(rng, 500.0 + robot))]
+    events += [(at, 1, k) for k, at in enumerate(arrivals(rng, 500.0 + sensor + late))]
+    aligner = Aligner(max_age=0.005)
+    for arrival, kind, k in sorted(events):
+        if kind:
+            aligner.add(k, int(arrival), [sensor[k]] * 6)
+            continue
+        aligner.observe_robot(robot[k], int(arrival))
+        if k % 10 == 0 and robot[k] > 10.0:
+            assert not aligner.is_late
+            found = aligner.at(robot[k] - 0.02).wrench
+            assert found is not None
+            assert found[0] == pytest.approx(robot[k] - 0.02, abs=1e-3)
+
+
 def test_a_clock_steeper_than_any_quartz_is_taken_for_jitter():
     clock = ClockMap(1.0)
     for k in range(5000):
