@@ -146,7 +146,7 @@ def test_no_coordinate_is_minus_zero(folder: Path) -> None:
     assert "tool: 1.4 kg, centre of mass 0, 10, 80 mm from the flange (was none)" in changed
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_sensors_within_the_arm_are_calibrated_and_written(tmp_path: Path) -> None:
     elbow = {"name": "elbow", "link": "forearm", "bias": (3.0, -2.0, 5.0, 0.2, -0.1, 0.3), "delay": 0.016}
     wrist = WrenchSensor(bias=(-2.0, 1.0, 4.0, 0.1, 0.3, -0.2))

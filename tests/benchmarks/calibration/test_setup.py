@@ -26,7 +26,7 @@ def test_the_table_is_printed() -> None:
     assert max(len(line) for line in result.output.splitlines()) <= 80
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_pairs_of_mistakes_are_counted() -> None:
     arguments = ["--arm", "ur5e", "--draws", "1", "--seconds", "8", "--pairs", "--torques-alone", "--json"]
     said = json.loads(CliRunner().invoke(setup, arguments).stdout)

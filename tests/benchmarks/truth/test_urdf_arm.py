@@ -207,7 +207,7 @@ def test_ground_truth_of_other_joints_is_named(urdf: Path, tmp_path: Path) -> No
     )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_localizer_is_judged_on_an_arm_of_ones_own(urdf: Path, tmp_path: Path) -> None:
     """From the URDF alone: its surface by the library, its contacts by MuJoCo."""
     truth = tmp_path / "truth"

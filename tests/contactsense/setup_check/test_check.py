@@ -72,7 +72,7 @@ def test_a_right_setup_fits_and_the_proposed_value_is_the_true_one() -> None:
     assert item.remark == "opposite sign"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_two_wrong_lines_are_both_named() -> None:
     case = wrong_setup("joint positions in degrees", "ur5e", 4, DRAWN)
     assert case.scene.tool is not None
@@ -91,7 +91,7 @@ def test_the_frame_of_an_upright_sensor_is_written_without_a_warning() -> None:
     )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_torques_that_are_too_large_are_no_signal_that_a_scene_could_state() -> None:
     """No finding may propose what the scene already states."""
     case = right_setup("ur10e", 5, DRAWN)
@@ -104,7 +104,7 @@ def test_torques_that_are_too_large_are_no_signal_that_a_scene_could_state() -> 
     assert "joint_torque.signal" not in [item.line for item in found.wrong]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_centre_of_mass_in_centimetres_is_no_wrong_mass() -> None:
     """The fit comes back from so far away; a tool without mass would explain the readings, too."""
     case = right_setup("ur5e", 1, DRAWN)
@@ -117,7 +117,7 @@ def test_a_centre_of_mass_in_centimetres_is_no_wrong_mass() -> None:
     assert json.loads(item.proposed) == pytest.approx(tool.com, abs=0.01)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_torque_constants_that_all_differ_are_all_estimated() -> None:
     """A constant that is right by itself is part of the line, too."""
     case = right_setup("ur5e", 1, DRAWN)

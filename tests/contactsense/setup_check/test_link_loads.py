@@ -31,7 +31,7 @@ def test_a_load_on_the_forearm_is_named_with_its_mass_and_place() -> None:
     np.testing.assert_allclose(yaml.safe_load(said[2]), PLACE, atol=0.06)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_proposed_inertia_cures_the_scene() -> None:
     case = _loaded("forearm", 2.5)
     (item,) = check(case.scene, [case.recording]).wrong
@@ -42,7 +42,9 @@ def test_the_proposed_inertia_cures_the_scene() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("mass", "found"), [(1.5, []), (4.0, ["inertia.upper_arm"])])
+@pytest.mark.parametrize(
+    ("mass", "found"), [(1.5, []), pytest.param(4.0, ["inertia.upper_arm"], marks=pytest.mark.long)]
+)
 def test_a_load_on_the_upper_arm_is_named_if_errors_of_the_inertia_do_not_explain_it(
     mass: float, found: list[str]
 ) -> None:

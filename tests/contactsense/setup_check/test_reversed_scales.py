@@ -45,7 +45,7 @@ def test_torques_of_another_unit_and_the_opposite_sign(scale: float) -> None:
     assert remark == f"they are in {unit}"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_torque_of_one_joint_with_another_scale_and_the_opposite_sign() -> None:
     scene, recording, torque, _ = _cell()
     factors = np.array([1.0, 1.0, -10.0, 1.0, 1.0, 1.0])
@@ -54,18 +54,13 @@ def test_the_torque_of_one_joint_with_another_scale_and_the_opposite_sign() -> N
     assert set(said) == {"joint torques: order", "joint torques: scale"}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("factors", "line", "proposed"),
     [
         (np.repeat([-1.0 / G, 1.0], 3), "order of axes", "forces -x -y -z, moments x y z"),
-        pytest.param(
-            np.repeat([1.0, -100.0], 3),
-            "order of axes",
-            "forces x y z, moments -x -y -z",
-            marks=pytest.mark.long,
-        ),
-        pytest.param(np.repeat([-1.0 / G, -100.0 / G], 3), "sign", None, marks=pytest.mark.long),
+        (np.repeat([1.0, -100.0], 3), "order of axes", "forces x y z, moments -x -y -z"),
+        (np.repeat([-1.0 / G, -100.0 / G], 3), "sign", None),
     ],
 )
 def test_a_base_sensor_of_another_scale_and_the_opposite_sign(

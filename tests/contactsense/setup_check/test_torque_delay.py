@@ -63,7 +63,7 @@ def test_a_late_base_sensor_is_named_with_its_delay() -> None:
     assert float(item.proposed) == pytest.approx(0.096, abs=0.003)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_late_positions_make_the_base_sensor_and_the_torques_early() -> None:
     """Friction reverses with the velocities of late positions: it must be able to reverse early as well."""
     said = {item.line: item.proposed for item in _checked(_case(), "q", "qd").wrong}

@@ -21,7 +21,7 @@ DRAWN = Settings(seconds=12.0)
 @pytest.mark.parametrize(
     ("arm", "seed"),
     [
-        pytest.param("ur5e", 20_000, marks=pytest.mark.slow),
+        pytest.param("ur5e", 20_000, marks=pytest.mark.long),
         ("ur5e", 20_005),
         pytest.param("ur10e", 10_000, marks=pytest.mark.slow),
     ],

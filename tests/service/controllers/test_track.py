@@ -192,6 +192,12 @@ def _events(place: str, since: int) -> list[dict[str, Any]]:
     return events
 
 
+def _reader(place: str) -> ClientConnection:
+    """A reader of the stream that takes in all messages, also those that no test asks for: otherwise it would
+    not hear the end of the connection."""
+    return connect(f"ws://{place}/v1/stream", max_queue=None)
+
+
 @pytest.mark.parametrize("start", [0.0, 0.61, 1.7e9])
 def test_another_controller_begins_anew(
     source: str, pushed: Sample, start: float, caplog: pytest.LogCaptureFixture
@@ -199,10 +205,10 @@ def test_another_controller_begins_anew(
     """Its clock may be earlier, go on, or be that of a computer: nothing of the last one is left."""
     caplog.set_level("INFO", "contactsense")
     known = [event["id"] for event in _events(source, 0)]
-    with connect(f"ws://{source}/v1/stream") as reader, opened(source) as client:
+    with _reader(source) as reader, opened(source) as client:
         first = _steady(client, pushed, 0.0)
         reader.recv(timeout=SLOW)
-    with connect(f"ws://{source}/v1/stream") as reader, opened(source) as client:
+    with _reader(source) as reader, opened(source) as client:
         again = _steady(client, pushed, start)
         seen = json.loads(reader.recv(timeout=SLOW))
     reason = "a controller has connected anew: a new stream begins, in which the observer is settling"
