@@ -14,12 +14,13 @@ from contactsense.multi_contact.tracker import MultiContactTracker
 from contactsense.output.degraded_reason import SET_BACK, degraded_reason
 from contactsense.plausibility.stream_screening import StreamScreening
 from contactsense.plausibility.stream_start import FROM_START, StreamStart
+from contactsense.robots.jit.compile_beside import compiled_beside
 from contactsense.robots.jit.declaration import numbers
 from contactsense.robots.jit.direct_call import direct_call
 from contactsense.robots.jit.progress_bar import Notify, shown_compilation
 from contactsense.runtime.answer import COUNT, NUMBER, PHASE, PRIMITIVE, SENSORS
 from contactsense.runtime.intrinsic import batch_intrinsic, localize_intrinsic
-from contactsense.runtime.kernels import SCREENED, process
+from contactsense.runtime.kernels import SCREENED, detect, process
 from contactsense.runtime.picked_up_payload import PickedUpPayload
 from contactsense.runtime.stream_restart import restart_state
 from contactsense.scene import Scene
@@ -296,7 +297,9 @@ class StreamLocalizer(StaticLocalizer):
         )
         links = dict.fromkeys(self._link_sensors, np.zeros(6))
         self._no_sample = self._fields(self._sample_fields.compile_sample())
-        self._process = direct_call(process, *self._kernel_args, self._options, *self._no_sample)
+        buffers, _ = self._kernel_args
+        with compiled_beside(process, detect, buffers, *self._no_sample, True):
+            self._process = direct_call(process, *self._kernel_args, self._options, *self._no_sample)
         self.locate(
             np.zeros(self._joints),
             base_wrench=base,

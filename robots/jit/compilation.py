@@ -17,7 +17,10 @@ from numba.core import event
 
 from contactsense.robots.jit.kernel import VARIANT, Kernel
 
-_EVENT = "numba:compile"
+COMPILE_EVENT = "numba:compile"
+"""Numba's name of the compilation of a function."""
+elsewhere: set[str] = set()
+"""Names of functions that another process compiles, see `contactsense.robots.jit.compile_beside`."""
 _TIMES = Path(__file__).with_name("compile_times.yaml")
 _PACKAGE = "contactsense."
 _PRIOR = 5.0
@@ -101,11 +104,11 @@ class Compilation(event.Listener):
         return CompilationProgress(self._share, slowness * self._total * (1.0 - self._share))
 
     def __enter__(self) -> "Compilation":
-        event.register(_EVENT, self)  # type: ignore[no-untyped-call]
+        event.register(COMPILE_EVENT, self)  # type: ignore[no-untyped-call]
         return self
 
     def __exit__(self, *_: object) -> None:
-        event.unregister(_EVENT, self)  # type: ignore[no-untyped-call]
+        event.unregister(COMPILE_EVENT, self)  # type: ignore[no-untyped-call]
         if self.active:
             self._share = 1.0
             self._report()
@@ -150,7 +153,7 @@ def name_of(compiled: Any) -> str:
 
 def uncached(roots: Iterable[Any]) -> dict[str, list[float]]:
     """Measured compile times [s] of each version of all functions that `roots` need and that are not in the
-    cache; the median of all for functions that have not been measured."""
+    cache, nor compiled elsewhere; the median of all for functions that have not been measured."""
     table: dict[str, list[float]] = yaml.safe_load(_TIMES.read_text(encoding="utf-8"))
     times = sorted(seconds for versions in table.values() for seconds in versions)
     usual = times[len(times) // 2]
@@ -158,7 +161,9 @@ def uncached(roots: Iterable[Any]) -> dict[str, list[float]]:
     waiting = list(roots)
     while waiting:
         compiled = waiting.pop()
-        if not hasattr(compiled, "py_func") or (name := name_of(compiled)) in expected:
+        if not hasattr(compiled, "py_func"):
+            continue
+        if (name := name_of(compiled)) in expected or name in elsewhere:
             continue
         versions = table.get(name, [usual])[_cached_versions(compiled) :]
         expected[name] = versions
@@ -167,6 +172,11 @@ def uncached(roots: Iterable[Any]) -> dict[str, list[float]]:
             called = [function.__globals__.get(name) for name in function.__code__.co_names]
             waiting += [value.called_by_kernels for value in called if isinstance(value, Kernel)]
     return expected
+
+
+def is_cached(compiled: Any) -> bool:
+    """Whether there is machine code of a function in memory or on disk."""
+    return _cached_versions(compiled) > 0
 
 
 def _cached_versions(compiled: Any) -> int:

@@ -16,6 +16,8 @@ try:
 except ImportError:  # pragma: no cover: no such locks on Windows
     fcntl = None  # type: ignore[assignment]
 
+AVAILABLE = fcntl is not None
+"""Whether this system has such locks."""
 POLL = 0.05
 """Time between two attempts to get the lock [s]."""
 PATIENCE = 300.0
