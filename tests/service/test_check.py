@@ -126,6 +126,7 @@ def test_a_wrong_line_is_named_with_the_value_that_fits(
     assert wrong[0]["before"]["moment"] > 10.0 * wrong[0]["after"]["moment"]
 
 
+@pytest.mark.slow
 def test_units_of_a_recording_are_a_matter_of_its_columns(folder: Path) -> None:
     arguments = [str(folder / "right.yaml"), str(folder / "degrees.csv")]
     result = CliRunner().invoke(check, arguments)

@@ -52,6 +52,7 @@ def proposal() -> Proposal:
     return propose_excitation(SEARCHED, SETTINGS, trials=12)
 
 
+@pytest.mark.slow
 def test_a_calibration_from_it_identifies_all_that_was_promised(proposal: Proposal) -> None:
     """The stated uncertainty is the promised one, and the true values are within it."""
     stretch = simulate(TRUTH, proposal.motion, 1, 100.0)

@@ -57,6 +57,7 @@ def calibrated() -> tuple[Scene, FreeMotion, Calibration]:
     return case.scene, case.recording, found
 
 
+@pytest.mark.slow
 def test_every_estimated_link_is_a_body(calibrated: tuple[Scene, FreeMotion, Calibration]) -> None:
     """The best estimate without this constraint has links that are none."""
     _, _, found = calibrated

@@ -24,28 +24,32 @@ from contactsense.setup_check.unexplained import unexplained_signals
 from tests.shared import shared
 
 DRAWN = Settings(seconds=12.0)
-USUAL = (
-    "mounting: one angle with the wrong sign",
-    "tool mass wrong by 0.5 to 2 kg",
-    "joint torques of another scale or unit",
-    "velocities zero, or in degrees",
-)
+USUAL = ("tool mass wrong by 0.5 to 2 kg", "velocities zero, or in degrees")
 OTHERS = (
-    "positions of two joints exchanged",
+    "mounting: one angle with the wrong sign",
+    "joint torques of another scale or unit",
     "base sensor 10 to 50 ms late or early",
+    "one component of the base sensor reversed",
+)
+MORE = (
+    "positions of two joints exchanged",
     "torque constants wrong by 25 to 100 %",
     "torque of one joint zero or frozen",
     "forces in kgf or lbf",
-    "one component of the base sensor reversed",
     "torques of two joints exchanged",
 )
+KINDS = [
+    *USUAL,
+    *(pytest.param(kind, marks=pytest.mark.slow) for kind in OTHERS),
+    *(pytest.param(kind, marks=pytest.mark.long) for kind in MORE),
+]
 
 
 def _untold(found: SetupCheck) -> set[str]:
     return {item.line for item in found.findings if item.verdict == "cannot_tell"}
 
 
-@pytest.mark.parametrize("kind", [*USUAL, *(pytest.param(kind, marks=pytest.mark.slow) for kind in OTHERS)])
+@pytest.mark.parametrize("kind", KINDS)
 def test_the_wrong_line_is_named(kind: str) -> None:
     case = wrong_setup(kind, "ur5e", 1, DRAWN)
     found = check(case.scene, [case.recording])

@@ -20,6 +20,7 @@ def _loaded(link: str, mass: float, seed: int = 1) -> Case:
     return Case(case.scene, with_load(case.scene, case.recording, link, mass, PLACE), None)
 
 
+@pytest.mark.slow
 def test_a_load_on_the_forearm_is_named_with_its_mass_and_place() -> None:
     """The prior of the links' inertia must not absorb it."""
     case = _loaded("forearm", 1.5)

@@ -22,8 +22,8 @@ DRAWN = Settings(seconds=12.0)
     ("arm", "seed"),
     [
         pytest.param("ur5e", 20_000, marks=pytest.mark.long),
-        ("ur5e", 20_005),
-        pytest.param("ur10e", 10_000, marks=pytest.mark.slow),
+        pytest.param("ur5e", 20_005, marks=pytest.mark.slow),
+        pytest.param("ur10e", 10_000, marks=pytest.mark.long),
     ],
 )
 def test_another_arm_and_a_missing_tool_are_no_other_line(arm: str, seed: int) -> None:

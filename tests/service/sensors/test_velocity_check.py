@@ -34,6 +34,7 @@ def test_velocities_of_the_same_motion_are_believed(step: float) -> None:
             assert not check.contradict(t, turned, noisy + np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
 
 
+@pytest.mark.slow
 def test_no_velocity_of_a_real_arm_contradicts_its_positions() -> None:
     count = 0
     for path in sorted(shared("ur10e_recordings").glob("*.csv.gz")):
