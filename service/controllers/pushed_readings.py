@@ -5,7 +5,6 @@ A robot's own packets are checked more strictly (`service/sensors/plausibility.p
 may repeat, and single values of them in motion as well: simulators without noise push theirs, too.
 """
 
-import math
 import time
 from dataclasses import replace
 
@@ -14,6 +13,7 @@ import numpy as np
 from contactsense.scene import Scene
 from contactsense.sensors.link_values import as_fields, by_field
 from contactsense.service.controllers.sample_message import MessageError
+from contactsense.service.controllers.sample_times import SampleTimes
 from contactsense.service.sensors.plausibility import (
     REST_SPEED,
     RecentCounts,
@@ -22,7 +22,6 @@ from contactsense.service.sensors.plausibility import (
     SensorEvent,
 )
 from contactsense.service.sensors.recent_trouble import WITHOUT_WRENCH
-from contactsense.service.sensors.robot_stream import LATE, LATE_IN_A_ROW
 from contactsense.service.sensors.stuck_channels import StuckChannels
 from contactsense.service.sensors.velocity_check import VelocityCheck
 from contactsense.types import Sample
@@ -71,7 +70,7 @@ class PushedReadings:
         if torque is not None and torque.contains == "motor":
             self._never_zero.add("joint_torque")
         self._q: tuple[float, ...] = ()
-        self._t, self._late = -math.inf, 0
+        self._times = SampleTimes()
         self._at_rest = False
 
     def checked(self, sample: Sample) -> Sample:
@@ -114,17 +113,12 @@ class PushedReadings:
         )
 
     def _check_time(self, t: float) -> None:
-        """Refuse a late sample, as is done with those of a robot. A time far back, or one in a row of late
-        ones, is that of a clock that was set back."""
-        if t < self._t:
-            if t > self._t - LATE and self._late < LATE_IN_A_ROW:
-                self._late += 1
-                self._note("t", "late")
-                raise MessageError(
-                    "t", f"expected a later time than {self._t!r} of the sample before, got {t!r}"
-                )
-            self._note("t", "back")
-        self._t, self._late = t, 0
+        try:
+            if self._times.checked(t):
+                self._note("t", "back")
+        except MessageError:
+            self._note("t", "late")
+            raise
 
     def _measured(self, field: str, values: np.ndarray | None, t: float, moves: bool) -> np.ndarray | None:
         """The reading of a sensor, None if it cannot be a measurement."""

@@ -14,6 +14,7 @@ from contactsense.service.controllers.sample_message import (
     decode,
     encode,
 )
+from contactsense.service.controllers.sample_times import SampleTimes
 from contactsense.service.controllers.scene_message import make_scene
 from contactsense.service.events.summary import ContactSummaries
 from contactsense.service.live.hub import with_events
@@ -35,6 +36,7 @@ class TrackSession:
         self._localizer: Localizer | None = None
         self._refused = False
         self._decoder = SampleDecoder(scene)
+        self._times = SampleTimes()
         self._summaries = ContactSummaries()
 
     @property
@@ -51,6 +53,7 @@ class TrackSession:
             if self._refused:
                 raise MessageError("scene", "the last one was refused: expected another before any sample")
             sample = self._decoder.sample(content, len(message))
+            self._times.checked(sample.t)
         except MessageError as error:
             return error_message(error, binary)
         if self._localizer is None:

@@ -138,7 +138,7 @@ class ClockMap:
         if len(hull) > 1:
             self._learn(_slope(np.array(hull), points), self._stretch)
         delays = points[:, 1] - self.period * points[:, 0]
-        self._offset = float(delays.min(initial=math.inf)) if len(points) else 0.0
+        self._offset = float(delays.min()) if len(points) else 0.0
         agree = delays - self._offset <= _TOLERANCE
         self.confirmed = float(agree @ _durations(points))
         self.ready = self.ready or (

@@ -139,6 +139,28 @@ def test_no_sample_is_estimated_after_a_refused_scene(pushed: Sample) -> None:
     EstimateOut.model_validate(answer(message(pushed, 0.0)))
 
 
+def test_a_late_sample_is_refused_and_the_stream_goes_on(pushed: Sample) -> None:
+    """A clock that is set back further begins a new stream."""
+    session = TrackSession(Scene(robot="ur5e"))
+
+    def answer(t: float) -> dict[str, Any]:
+        found: dict[str, Any] = json.loads(session.answer(json.dumps(message(pushed, t)).encode(), False))
+        return found
+
+    before = [answer(0.002 * i) for i in range(100)][-1]
+    late = answer(0.19)
+    assert late == {
+        "errors": [
+            {"field": "t", "reason": "expected a later time than 0.198 of the sample before, got 0.19"}
+        ]
+    }
+    after = answer(0.2)
+    assert after["contacts"][0]["id"] == before["contacts"][0]["id"]
+    assert after["events"] == []
+    again = answer(-5.0)
+    assert "got an earlier one: a new stream begins" in again["reason"]
+
+
 def test_a_silent_connection_is_closed() -> None:
     settings = Settings(controllers=ControllerSettings(idle=0.2))
     with (
