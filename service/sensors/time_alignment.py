@@ -45,6 +45,8 @@ harm."""
 _ESTABLISHED = 5.0
 """Arrivals of this time must agree with the line before others can be called late: earlier the estimated rate
 may be wrong [s]."""
+_DOUBTFUL = 0.5
+"""If all arrivals are late for this long before that, the line is wrong [s]; a busy host is late for less."""
 _NEARLY = 0.9
 """Edges of the hull with which nearly as many arrivals agree are as good [share]."""
 _SKEW = 5e-4
@@ -77,8 +79,9 @@ class ClockMap:
         self.late = 0.0
         """By how much the least delayed arrival of the latest complete block is above the line [s]; 0 if too
         few arrived."""
-        self.late_blocks = 0
-        """Number of blocks since the stream has become later."""
+        self.late_for = 0.0
+        """For how long all blocks have been late [s]."""
+        self._late_from = 0.0
         self.confirmed = 0.0
         """Time of the kept arrivals that agree with the line [s]."""
 
@@ -98,7 +101,9 @@ class ClockMap:
         if y >= self._block_end or not self._points:
             self._block_end = y + (_BLOCK if y > _TRUST else _FIRST_BLOCK)
             self.late = self._least - self._offset if self._heard >= _SUPPORT else 0.0
-            self.late_blocks = self.late_blocks + 1 if self.is_late else 0
+            if self.late <= _LATE:
+                self._late_from = y
+            self.late_for = y - self._late_from
             self._least, self._heard = residual, 1
             if self.is_late:
                 self._points.pop()
@@ -271,8 +276,10 @@ class Aligner:
     def ready(self) -> bool:
         """Whether both clocks are known: they have been heard for long enough, and what is known of the
         sensor's fits its latest readings."""
-        fits = self._sensor.confirmed >= _ESTABLISHED or self._sensor.late <= self._robot.late + _LATE
-        return self._sensor.ready and self._robot.ready and fits
+        sensor, robot = self._sensor, self._robot
+        unconfirmed = sensor.confirmed < _ESTABLISHED and sensor.late_for > _DOUBTFUL
+        wrong = unconfirmed and sensor.late > robot.late + _LATE
+        return sensor.ready and robot.ready and not wrong
 
     @property
     def is_late(self) -> bool:
@@ -282,7 +289,7 @@ class Aligner:
     @property
     def robot_is_late(self) -> bool:
         """The same of the robot's packets, for some time."""
-        lasts = self._robot.late_blocks * _BLOCK > _LASTING
+        lasts = self._robot.is_late and self._robot.late_for > _LASTING
         return lasts and self._robot.late > self._sensor.late + _LATE
 
     def covers(self, timestamp: float) -> bool:
