@@ -11,6 +11,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import Any
 
 import numba
@@ -64,8 +65,9 @@ def compile_as_told() -> None:
 def _is_possible() -> bool:
     affinity = getattr(os, "sched_getaffinity", None)  # which macOS lacks
     processors = len(affinity(0)) if affinity is not None else os.cpu_count() or 1
-    # The executable of a frozen program is no interpreter.
-    return processors > 1 and AVAILABLE and not getattr(sys, "frozen", False)
+    # The executable of a program that contains Python is no interpreter.
+    is_interpreter = Path(sys.executable or "").name.lower().startswith("python")
+    return processors > 1 and AVAILABLE and is_interpreter
 
 
 class _SecondProcess(event.Listener):
