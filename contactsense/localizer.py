@@ -45,6 +45,10 @@ class Localizer(StreamLocalizer):
         super().__init__(scene, method, progress)
         self._block_runner: BlockRunner | None = None
 
+    def __reduce__(self) -> tuple[type["Localizer"], tuple[Scene, Method]]:
+        """How a copy is made: copied attribute by attribute, it would answer from the arrays of this one."""
+        return type(self), (self.scene, self._method)
+
     def run(self, recording: Iterable[Sample]) -> Iterator[Estimate]:
         """Estimates for a whole stream of samples, from its start."""
         self.reset()

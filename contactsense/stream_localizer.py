@@ -87,10 +87,6 @@ class StreamLocalizer(StaticLocalizer):
         with shown_compilation(kernels_of(scene, method), progress):
             self._warm_up()
 
-    def __reduce__(self) -> tuple[type["StreamLocalizer"], tuple[Scene, Method]]:
-        """How a copy is made: copied attribute by attribute, it would answer from the arrays of this one."""
-        return type(self), (self.scene, self._method)
-
     def reset(self) -> None:
         """Discard all samples and contacts; the next sample starts a new stream."""
         self._forget_stream()

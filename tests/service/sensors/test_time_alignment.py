@@ -8,18 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from contactsense.service.sensors.time_alignment import Aligner, ClockMap
-
-NS = 1e9
-
-
-def delays(rng, n):
-    """A network's delays [s]: a shortest way, exponential jitter, and now and then several milliseconds."""
-    return 3e-4 + rng.exponential(1e-4, n) + (rng.random(n) < 0.02) * rng.uniform(0.0, 8e-3, n)
-
-
-def arrivals(rng, times):
-    """Arrival of readings taken at these host times, in order [ns]."""
-    return np.maximum.accumulate(((times + delays(rng, len(times))) * NS).astype(np.int64))
+from tests.service.sensors.simulated_arrivals import NS, arrivals, delays, held_up
 
 
 def test_without_jitter_the_map_is_exact():
@@ -77,17 +66,6 @@ def test_a_busy_host_that_hears_in_bursts(seed):
     assert np.abs(error[ticks > 2000]).max() < 5e-4
 
 
-def held_up(rng, arrival, longest):
-    """Arrivals at a reader that sleeps nine tenths of the time, for up to `longest` seconds at once [ns]."""
-    arrival, begin = arrival.copy(), int(arrival[0] - longest * NS * rng.random())
-    while begin < arrival[-1]:
-        hold = rng.uniform(0.005, longest) * NS
-        end = begin + int(hold)
-        arrival[(arrival >= begin) & (arrival < end)] = end
-        begin = end + int(rng.uniform(0.02, 0.2) * hold)
-    return arrival
-
-
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("period", [None, 1e-3])
 def test_a_start_on_a_host_without_time_uses_no_reading_of_another_instant(seed, period):
@@ -109,27 +87,6 @@ def test_a_start_on_a_host_without_time_uses_no_reading_of_another_instant(seed,
     assert used[0] < 1.0
     assert len(errors) > 300
     assert np.abs(errors).max() < 5e-3
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_a_stream_that_is_late_only_at_first_is_not_called_late(seed: int) -> None:
-    """As from a host that is busy at the start: it catches up, faster than its own clock runs."""
-    rng = np.random.default_rng(seed)
-    robot, sensor = np.arange(0.0, 14.0, 0.002), np.arange(0.0, 14.0, 0.001)
-    late = rng.uniform(0.02, 0.3) * np.maximum(0.0, 1.0 - sensor / rng.uniform(2.6, 4.6))
-    events = [(at, 0, k) for k, at in enumerate(arrivals(rng, 500.0 + robot))]
-    events += [(at, 1, k) for k, at in enumerate(arrivals(rng, 500.0 + sensor + late))]
-    aligner = Aligner(max_age=0.005)
-    for arrival, kind, k in sorted(events):
-        if kind:
-            aligner.add(k, int(arrival), [sensor[k]] * 6)
-            continue
-        aligner.observe_robot(robot[k], int(arrival))
-        if k % 10 == 0 and robot[k] > 10.0:
-            assert not aligner.is_late
-            found = aligner.at(robot[k] - 0.02).wrench
-            assert found is not None
-            assert found[0] == pytest.approx(robot[k] - 0.02, abs=1e-3)
 
 
 def test_a_clock_steeper_than_any_quartz_is_taken_for_jitter():
@@ -182,82 +139,6 @@ def test_values_are_of_the_robots_instant(seed, rate):
 def test_an_idle_host_aligns_within_a_quarter_of_a_second(period):
     stamps = (stamp for aligner, stamp, _ in run(seconds=1.0, period=period) if aligner.ready)
     assert 0.2 <= next(stamps) <= 0.25
-
-
-def become_late(late_sensor: float, late_robot: float, *, seconds: float = 90.0):
-    """Streams of which one becomes later after 10 s; yields (aligner, time [s], its error [s] or NaN).
-
-    The reading is asked for 50 ms after the sample, when it has come in any case.
-    """
-    robot, sensor = np.arange(0.0, seconds, 0.002), np.arange(0.0, seconds, 0.001) * (1.0 + 5e-5)
-    events = []
-    for kind, own, late in ((0, robot, late_robot), (1, sensor, late_sensor)):
-        at = arrivals(np.random.default_rng(kind), 500.0 + own + late * (own > 10.0))
-        events += [(a, kind, k) for k, a in enumerate(at)]
-    aligner = Aligner(max_age=0.005)
-    for arrival, kind, k in sorted(events):
-        if kind:
-            aligner.add(k, int(arrival), [sensor[k]] * 6)
-        else:
-            aligner.observe_robot(robot[k], int(arrival))
-            if k % 20 == 0 and k > 1000:
-                found = aligner.at(robot[k] - 0.05).wrench
-                yield aligner, robot[k], math.nan if found is None else found[0] - (robot[k] - 0.05)
-
-
-@pytest.mark.parametrize("late", [0.008, 0.02, 0.3])
-def test_a_sensor_that_becomes_later_is_told_and_keeps_its_clock(late: float) -> None:
-    """Also when it has been late for longer than arrivals are remembered."""
-    errors = []
-    for aligner, t, error in become_late(late, 0.0):
-        assert aligner.is_late == (t > 10.0) or 10.0 < t < 10.5 + late
-        assert not aligner.robot_is_late
-        errors.append(error)
-    # Readings that have come are still those of the robot's instant; after 0.3 s none has.
-    assert np.isnan(errors).any() == (late > 0.05)
-    assert np.nanmax(np.abs(errors)) < 3e-4
-
-
-@pytest.mark.parametrize("late_sensor", [0.0, 0.02])
-def test_a_robot_that_becomes_later_keeps_its_clock(late_sensor: float) -> None:
-    """It is told if that lasts, unless the sensor becomes as late."""
-    errors = []
-    for aligner, t, error in become_late(late_sensor, 0.02):
-        transition = 10.0 < t < 10.6  # blocks of the two streams end at different times
-        assert transition or not aligner.is_late
-        lasts = t > 20.0 and late_sensor == 0.0
-        assert aligner.robot_is_late == lasts or 20.0 < t < 21.0
-        errors.append(error)
-    assert np.abs(errors).max() < 3e-4
-
-
-def test_a_few_late_arrivals_around_an_outage_are_no_late_stream() -> None:
-    clock = ClockMap(1.0)
-    for k in range(5000):
-        clock.observe(k * 0.002, int(k * 0.002 * NS))
-    for k in range(5000, 8000, 500):
-        clock.observe(k * 0.002, int((k * 0.002 + 0.05) * NS))
-        assert not clock.is_late
-
-
-def test_a_network_that_becomes_a_little_later_is_not_told() -> None:
-    assert not any(aligner.is_late for aligner, *_ in become_late(0.004, 0.0, seconds=30.0))
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_readings_on_a_host_without_time_are_not_called_late(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    robot, sensor = 500.0 + np.arange(0.0, 15.0, 0.002), 500.0 + np.arange(0.0, 15.0, 0.001)
-    events = [(at, 0, k) for k, at in enumerate(held_up(rng, arrivals(rng, robot), 0.4))]
-    events += [(at, 1, k) for k, at in enumerate(held_up(rng, arrivals(rng, sensor), 0.4))]
-    aligner = Aligner()
-    for arrival, kind, k in sorted(events):
-        if kind:
-            aligner.add(k, int(arrival), [0.0] * 6)
-        else:
-            aligner.observe_robot(robot[k] - 500.0, int(arrival))
-            assert not aligner.is_late
-            assert not aligner.robot_is_late
 
 
 def test_later_readings_replace_held_ones():
