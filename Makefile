@@ -16,8 +16,9 @@ demo: $(VENV)/run.stamp  ## a simulated arm is touched, the service says where
 view: $(VENV)/view.stamp  ## the same, shown in a browser
 	$(BIN)/contactsense demo --view
 
-test: $(VENV)/test.stamp  ## the default tests
-	$(BIN)/python -m pytest -m "not slow" -n auto --dist loadgroup --no-loadscope-reorder
+MARKS ?= not slow
+test: $(VENV)/test.stamp  ## the default tests, or those with other MARKS
+	$(BIN)/python -m pytest -m "$(MARKS)" -n auto --dist loadgroup --no-loadscope-reorder
 
 test-all: $(VENV)/test.stamp  ## all tests; those that measure in real time run alone
 	$(BIN)/python -m pytest -m "not realtime" -n auto --dist loadgroup --no-loadscope-reorder

@@ -15,8 +15,10 @@ from scipy.stats import binomtest, chi2
 from contactsense import Contact, Localizer
 from contactsense.benchmarks import options
 from contactsense.benchmarks.accuracy.credible_regions import (
+    EDGE,
     Mixture,
     distance,
+    explains,
     level,
     mixture,
     sample_distance,
@@ -42,8 +44,6 @@ REGION = 0.9
 """Probability of the credible region."""
 _REGION_EDGE = float(np.sqrt(chi2.ppf(REGION, 2)))
 """Number of standard deviations to the edge of a candidate's own region."""
-_EDGE = float(np.sqrt(chi2.isf(1e-3, 2)))
-"""Number of standard deviations within which a place belongs to an explanation."""
 STATEMENTS = ("answer", "place", "link")
 """Probabilities that are checked, see the command's help."""
 
@@ -164,9 +164,11 @@ def verdict(
     stated = mixture(contacts)
     own, drawn = distance(stated, link, point[None]), sample_distance(stated)
     near = best.link_index == link and bool(np.linalg.norm(best.point_base - point) <= NEAR)
-    is_true = bool(_is_best(stated, np.array([link]), point[None], own[0])[0])
+    reached = explains(stated, link, point[None])[0]
+    is_true = bool(_is_best(stated, np.array([link]), point[None], reached)[0])
     points = samples(stated)
-    as_stated = _is_best(stated, np.repeat(stated.link, points.shape[1]), points.reshape(-1, 3), drawn[0])
+    inside = drawn[0] <= EDGE
+    as_stated = _is_best(stated, np.repeat(stated.link, points.shape[1]), points.reshape(-1, 3), inside)
     found = within(stated, best.link_index, best.point_base, NEAR)
     likeliest = int(np.argmax(link_probability))
     probable = float(link_probability[likeliest])
@@ -184,13 +186,12 @@ def verdict(
     )
 
 
-def _is_best(stated: Mixture, link: np.ndarray, points: np.ndarray, far: np.ndarray) -> np.ndarray:
-    """Whether the first candidate is the true one for contacts at `points` (M, 3) on those links (M,), at the
-    distance `far` (M,) from it: it is the nearest on the link, and not farther than `NEAR` or inside its
-    99.9 % ellipse."""
+def _is_best(stated: Mixture, link: np.ndarray, points: np.ndarray, inside: np.ndarray) -> np.ndarray:
+    """Whether the first candidate is the true one for contacts at `points` (M, 3) on those links (M,): it is
+    the nearest on the link, and not farther than `NEAR` or `inside` its 99.9 % ellipse (M,)."""
     meters = np.linalg.norm(stated.mean[:, None] - points, axis=2)
     meters[stated.link[:, None] != link] = np.inf
-    reached = (meters[0] <= NEAR) | (far <= _EDGE)
+    reached = (meters[0] <= NEAR) | inside
     return np.asarray((stated.link[0] == link) & (np.argmin(meters, axis=0) == 0) & reached)
 
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from scipy.stats import norm, qmc
+from scipy.stats import chi2, norm, qmc
 
 MAX_NORMAL_DISTANCE = 0.01
 """A point this close to a tangent plane is on the same side of the link [m]; so is one closer to the plane
@@ -18,6 +18,10 @@ than its distance along the plane (up to a right angle around a round link), or 
 standard deviations along the normal."""
 MAX_NORMAL_STD = 2.0
 """See `MAX_NORMAL_DISTANCE`."""
+EDGE = float(np.sqrt(chi2.isf(1e-3, 2)))
+"""Number of standard deviations along the surface to the edge of a candidate's ellipse of 99.9 % ..."""
+_NORMAL_EDGE = float(np.sqrt(chi2.isf(1e-3, 1)))
+"""... and along its normal: the far side of the link, for a candidate that goes around it."""
 _MIN_STD = 1e-5
 """Smallest standard deviation, so that every density is finite [m]."""
 _POINTS = 256
@@ -74,13 +78,16 @@ def mixture(contacts: Sequence[Candidate]) -> Mixture:
     )
 
 
-def distance(of: Mixture, link: int | np.ndarray, points: np.ndarray) -> np.ndarray:
+def distance(
+    of: Mixture, link: int | np.ndarray, points: np.ndarray, max_normal_std: float = MAX_NORMAL_STD
+) -> np.ndarray:
     """Distance of points on links from each candidate, in its standard deviations along the surface.
 
     Args:
         of: K candidates.
         link: Index of the link of the points: one for all, or shape (M,).
         points: Shape (M, 3), base frame [m].
+        max_normal_std: In place of `MAX_NORMAL_STD`.
 
     Returns:
         Shape (K, M); infinite on another link or on the far side of it.
@@ -93,9 +100,15 @@ def distance(of: Mixture, link: int | np.ndarray, points: np.ndarray) -> np.ndar
     along = scaled**2 @ variance[:, :, None]
     radius = np.sqrt(along[:, :, 0])
     same_side = (of.link[:, None] == link) & (
-        height <= np.maximum(np.maximum(MAX_NORMAL_DISTANCE, MAX_NORMAL_STD * of.depth)[:, None], radius)
+        height <= np.maximum(np.maximum(MAX_NORMAL_DISTANCE, max_normal_std * of.depth)[:, None], radius)
     )
     return np.asarray(np.where(same_side, np.sqrt(scaled[:, :, 0] ** 2 + scaled[:, :, 1] ** 2), np.inf))
+
+
+def explains(of: Mixture, link: int, points: np.ndarray) -> np.ndarray:
+    """Whether points on a link, shape (M, 3) [m], are in the ellipse of 99.9 % of each candidate, along its
+    surface and along its normal; shape (K, M)."""
+    return distance(of, link, points, _NORMAL_EDGE) <= EDGE
 
 
 def density(of: Mixture, far: np.ndarray) -> np.ndarray:

@@ -4,14 +4,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import chi2
 
 from contactsense import Contact, Explanation
 from contactsense.benchmarks.accuracy.calibration import NEAR, REGION
-from contactsense.benchmarks.accuracy.credible_regions import distance, level, mixture, samples
+from contactsense.benchmarks.accuracy.credible_regions import explains, level, mixture, samples
 
-_EDGE = float(np.sqrt(chi2.isf(1e-3, 2)))
-"""Number of standard deviations within which a place belongs to an explanation."""
 _SHIFT = 97
 """Offset between the draws of one contact and the next one of the same explanation."""
 
@@ -102,5 +99,5 @@ def is_best(sets: Sequence[tuple[Contact, ...]], links: np.ndarray, points: np.n
         stated = mixture(sets[0])
         for i, contact in enumerate(sets[0]):
             near = np.linalg.norm(points[:, i] - contact.point_base, axis=1) <= NEAR
-            reached &= near | (distance(stated, contact.link_index, points[:, i])[i] <= _EDGE)
+            reached &= near | explains(stated, contact.link_index, points[:, i])[i]
     return np.asarray(reached & (np.argmin(away, axis=0) == 0))

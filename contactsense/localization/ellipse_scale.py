@@ -8,6 +8,7 @@ plane, 16/3 for a uniform ellipse.
 """
 
 from contactsense.kinematics.spatial import Six
+from contactsense.localization.place_covariance import along_tangents, times
 from contactsense.localization.surface_cells import SurfaceCells
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.vectors import Vector, dot, tangents
@@ -34,14 +35,12 @@ def ellipse_scale(cells: SurfaceCells, rows: int, point: Vector, normal: Vector,
         C: Second moments about it (xx, xy, xz, yy, yz, zz) [m^2].
     """
     t1, t2 = tangents(normal)
-    c1, c2 = _times(C, t1), _times(C, t2)
-    v11, v12, v22 = dot(t1, c1), dot(t1, c2), dot(t2, c2)
+    v11, v12, v22 = along_tangents(C, (t1, t2))
     det = v11 * v22 - v12 * v12
     if not det > 0.0:
         return 1.0
     # Inverse of the covariance along the tangents.
     i11, i12, i22 = v22 / det, -v12 / det, v11 / det
-    squares = i11 * i11 + 2.0 * i12 * i12 + i22 * i22
     total, fourth = 0.0, 0.0
     for i in range(rows):
         weight = cells.weight[i]
@@ -49,10 +48,16 @@ def ellipse_scale(cells: SurfaceCells, rows: int, point: Vector, normal: Vector,
             continue
         d = (cells.point[i, 0] - point[0], cells.point[i, 1] - point[1], cells.point[i, 2] - point[2])
         a, b = dot(t1, d), dot(t2, d)
-        u, w, v = i11 * a + i12 * b, i12 * a + i22 * b, cells.variance[i]
-        # A Gaussian of variance v in each cell.
-        second = a * u + b * w + v * (i11 + i22)
-        fourth += weight * (second * second + 4.0 * v * (u * u + w * w) + 2.0 * v * v * squares)
+        u, w = i11 * a + i12 * b, i12 * a + i22 * b
+        # A Gaussian of covariance V in each cell; M = I V.
+        V = cells.covariance[i]
+        v11, v12, v22 = along_tangents((V[0], V[1], V[2], V[3], V[4], V[5]), (t1, t2))
+        m11, m12 = i11 * v11 + i12 * v12, i11 * v12 + i12 * v22
+        m21, m22 = i12 * v11 + i22 * v12, i12 * v12 + i22 * v22
+        second = a * u + b * w + m11 + m22
+        spread = u * (v11 * u + v12 * w) + w * (v12 * u + v22 * w)
+        squares = m11 * m11 + 2.0 * m12 * m21 + m22 * m22
+        fourth += weight * (second * second + 4.0 * spread + 2.0 * squares)
         total += weight
     kurtosis = fourth / total
     return min(max(1.0 - SLOPE * (GAUSSIAN_KURTOSIS - kurtosis), LEAST_SCALE), 1.0)
@@ -63,7 +68,7 @@ def scaled_along_surface(C: Six, normal: Vector, factor: float) -> Six:
     """C (xx, xy, xz, yy, yz, zz) times a factor, but for the variance along the normal: how far a place lies
     below the tangent plane, as on the far side of a link, is as uncertain as before."""
     x, y, z = normal
-    kept = (1.0 - factor) * dot(normal, _times(C, normal))
+    kept = (1.0 - factor) * dot(normal, times(C, normal))
     return (
         factor * C[0] + kept * x * x,
         factor * C[1] + kept * x * y,
@@ -71,14 +76,4 @@ def scaled_along_surface(C: Six, normal: Vector, factor: float) -> Six:
         factor * C[3] + kept * y * y,
         factor * C[4] + kept * y * z,
         factor * C[5] + kept * z * z,
-    )
-
-
-@fused_kernel
-def _times(C: Six, a: Vector) -> Vector:
-    """C a for a symmetric matrix."""
-    return (
-        C[0] * a[0] + C[1] * a[1] + C[2] * a[2],
-        C[1] * a[0] + C[3] * a[1] + C[4] * a[2],
-        C[2] * a[0] + C[4] * a[1] + C[5] * a[2],
     )

@@ -29,8 +29,8 @@ from contactsense.solvers.posterior.contact_prior import STUDENT_DOF, Prior
 from contactsense.localization.simd_layout import (  # isort: skip
     A00, A01, A02, A03, A04, A05, A11, A12, A13, A14, A15, A22, A23, A24, A25, A33, A34, A35, A44, A45,
     A55, ACTIVE, ALPHA, BETA, CHI, DET, ENERGY, FORCE, FX, FY, FZ, LENGTH, LOG_EVIDENCE, LOG_FORCE, NX,
-    NY, NZ, PX, PY, PZ, RATIO_INFORMATION, SPREAD, T1X, T1Y, T1Z, T2X, T2Y, T2Z, TILT, V1, V2, VARIANCE,
-    W0, W1, W2, W3, W4, W5, X, Y, Z,
+    NY, NZ, PX, PY, PZ, RATIO_INFORMATION, SPREAD, T1X, T1Y, T1Z, T2X, T2Y, T2Z, TILT, V1, V11, V12, V2,
+    V22, W0, W1, W2, W3, W4, W5, X, Y, Z,
 )  # fmt: skip
 from contactsense.kinematics.exponential import exponential
 from contactsense.kinematics.linalg.ldl import ldl_solve_unrolled
@@ -221,7 +221,7 @@ def _gauss_newton_steps(
             c3, c4, c5 = a23 + v1 * a33, a24 + v1 * a34, a25 + v1 * a35
             p3, p4, p5 = beta * a33 + a35, beta * a34 + a45, beta * a35 + a55
             q3, q4 = -alpha * a33 - a34, -alpha * a34 - a44
-            det, positive, predicted_decrease, v11, _, v22, s0, s1, s2, s3, s4, s5 = ldl_solve_unrolled(
+            det, positive, predicted_decrease, v11, v12, v22, s0, s1, s2, s3, s4, s5 = ldl_solve_unrolled(
                 f0 * z0 + f1 * z1 + f2 * z2 + m0 * z3 + m1 * z4 + m2 * z5 + 1.0,
                 F * (z1 - v2 * z3),
                 F * (z2 + v1 * z3),
@@ -255,7 +255,9 @@ def _gauss_newton_steps(
             half[ENERGY + j] = (
                 energy - min(predicted_decrease, ENERGY_TOLERANCE) if active else half[ENERGY + j]
             )
-            half[VARIANCE + j] = 0.5 * (v11 + v22) if active else half[VARIANCE + j]
+            half[V11 + j] = v11 if active else half[V11 + j]
+            half[V12 + j] = v12 if active else half[V12 + j]
+            half[V22 + j] = v22 if active else half[V22 + j]
             half[DET + j] = (det if positive else 0.0) if active else half[DET + j]
             # The residual is bilinear in the force and the other unknowns: limit the step of the force.
             scale = min(1.0, MAX_LOG_FORCE_STEP / max(abs(s0), 1e-300)) if active else 0.0

@@ -16,9 +16,9 @@ from contactsense.robots.jit.lanes import LANES
     W0, W1, W2, W3, W4, W5,
     A00, A01, A02, A03, A04, A05, A11, A12, A13, A14, A15, A22, A23, A24, A25, A33, A34, A35, A44, A45, A55,
     RATIO_INFORMATION, LOG_FORCE, FORCE, ALPHA, BETA, CHI, V1, V2,
-    ENERGY, DET, VARIANCE, ACTIVE,
+    ENERGY, DET, V11, V12, V22, ACTIVE,
     LOG_EVIDENCE, PX, PY, PZ, FX, FY, FZ,
-) = range(0, 61 * LANES, LANES)  # fmt: skip
+) = range(0, 63 * LANES, LANES)  # fmt: skip
 """Offsets of the quantities of a cell.
 
 `X` to `NZ`, `SPREAD`, `TILT`: centre [m], outward unit normal, standard deviation [m] and tilt [rad] of the
@@ -32,8 +32,8 @@ cell, link frame, see `contactsense.localization.surface_samples`.
 `ACTIVE`, 1 while the iteration goes on, else 0; `DET`, determinant of the Gauss-Newton matrix (0 if it is not
 positive definite).
 Results: `ENERGY`; `LOG_EVIDENCE`, log of the mean evidence over the cell, up to the constant of the noise
-(infinity and -infinity if the energy is above the limit); `VARIANCE` of the place [m^2]; `PX` to `FZ`, the
-most probable point [m] and force [N], link frame.
+(infinity and -infinity if the energy is above the limit); `V11`, `V12`, `V22`, covariance of the place along
+the tangents [m^2]; `PX` to `FZ`, the most probable point [m] and force [N], link frame.
 """
-LENGTH = 61 * LANES
+LENGTH = 63 * LANES
 """Length of a block."""

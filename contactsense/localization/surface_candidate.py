@@ -17,20 +17,27 @@ from contactsense.kinematics.wrench_information import to_body_frame
 from contactsense.localization.candidate_buffers import Candidates, rotate_into, store_candidate
 from contactsense.localization.ellipse_scale import ellipse_scale, scaled_along_surface
 from contactsense.localization.force_at_place import FIXED_SPREAD, force_at_place
-from contactsense.localization.local_prior import nearest_cell, prior_in_cell, surface_error_in_cell
+from contactsense.localization.local_prior import (
+    SurfaceError,
+    nearest_cell,
+    prior_in_cell,
+    surface_error_in_cell,
+)
 from contactsense.localization.mean_shift import mean_shift
 from contactsense.localization.mean_surface import mean_frame
+from contactsense.localization.place_covariance import from_tangents
 from contactsense.localization.placed_surface import PlacedSurface
 from contactsense.localization.primitive_frames import Frame
 from contactsense.localization.searched_surface import SearchArrays, placed_surface
 from contactsense.localization.single_contact_problem import SingleContactProblem
 from contactsense.localization.surface_cells import SurfaceCells
+from contactsense.localization.surface_tails import surface_part
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces, project
 from contactsense.robots.surface.union import nearest
 from contactsense.robots.vectors import Vector, add, dot, rotate, rotate_back, subtract, vector
 from contactsense.solvers.posterior.contact_prior import Contact, Prior, pushing_force
-from contactsense.solvers.posterior.mode import find_posterior_mode
+from contactsense.solvers.posterior.mode import Mode, find_posterior_mode
 
 MERGE_DISTANCE = 0.04
 """Cells within this distance of a candidate's point belong to the candidate [m]: the one in which it is and
@@ -122,6 +129,8 @@ def build_candidate(
         C[4] - mean[1] * dz - mean[2] * dy + dy * dz,
         C[5] - 2.0 * mean[2] * dz + dz * dz,
     )
+    if converged:
+        C = _with_surface_error(C, mode, error, frame, R)
     if not narrow:
         normal = rotate_back(R, vector(candidates.normal[row]))
         C = scaled_along_surface(C, normal, ellipse_scale(cells, rows, point, normal, C))
@@ -233,19 +242,42 @@ def _merge_cells(
         cells.members[0, members], cells.members[1, members], cells.members[2, members] = dx, dy, dz
         cells.members[3, members] = weight
         members += 1
-        n, v = cells.normal[i], cells.variance[i]
+        V = cells.covariance[i]
         total += weight
         mx += weight * dx
         my += weight * dy
         mz += weight * dz
-        xx += weight * (dx * dx + v * (1.0 - n[0] * n[0]))
-        xy += weight * (dx * dy - v * n[0] * n[1])
-        xz += weight * (dx * dz - v * n[0] * n[2])
-        yy += weight * (dy * dy + v * (1.0 - n[1] * n[1]))
-        yz += weight * (dy * dz - v * n[1] * n[2])
-        zz += weight * (dz * dz + v * (1.0 - n[2] * n[2]))
+        xx += weight * (dx * dx + V[0])
+        xy += weight * (dx * dy + V[1])
+        xz += weight * (dx * dz + V[2])
+        yy += weight * (dy * dy + V[3])
+        yz += weight * (dy * dz + V[4])
+        zz += weight * (dz * dz + V[5])
     moments = (xx / total, xy / total, xz / total, yy / total, yz / total, zz / total)
     return members, top + math.log(total), (mx / total, my / total, mz / total), moments
+
+
+@fused_kernel
+def _with_surface_error(C: Six, mode: Mode, error: SurfaceError, frame: Frame, R: np.ndarray) -> Six:
+    """Second moments C of a candidate's cells, link frame, with what the surface's error adds to them.
+
+    Args:
+        C: Second moments (xx, xy, xz, yy, yz, zz) [m^2]. The evidence of cells is that of contacts on the
+            primitive itself.
+        mode: The candidate's posterior mode, in the axes of `frame`.
+        error: Of the surface there.
+        frame: Body frame of the primitive.
+        R: Orientation of the link in the base frame.
+    """
+    s11, s12, s22 = surface_part(mode.tangents, mode.contact, error)
+    s, t = mode.tangents
+    axes = (
+        rotate_back(R, rotate(frame.rotation, s)),
+        rotate_back(R, rotate(frame.rotation, t)),
+    )
+    factor = 1.0 / (error.tails * error.tails)
+    S = from_tangents((factor * s11, factor * s12, factor * s22), axes)
+    return C[0] + S[0], C[1] + S[1], C[2] + S[2], C[3] + S[3], C[4] + S[4], C[5] + S[5]
 
 
 @fused_kernel

@@ -18,8 +18,8 @@ class SurfaceCells(NamedTuple):
     """Outward unit normal, link frame."""
     force: Annotated[Floats, "cells, 3"]
     """Most probable force there, link frame [N]."""
-    variance: Annotated[Floats, "cells"]
-    """Variance of the point within the cell, mean over both tangents [m^2]."""
+    covariance: Annotated[Floats, "cells, 6"]
+    """Covariance of the point within the cell (xx, xy, xz, yy, yz, zz), link frame [m^2]."""
     spread: Annotated[Floats, "cells"]
     """Standard deviation of the cell along each tangent [m]."""
     torsion: Annotated[Floats, "cells"]

@@ -24,6 +24,7 @@ from contactsense.localization.line_distance import (
     shift_energies,
     spheres_to_base_frame,
 )
+from contactsense.localization.place_covariance import from_tangents
 from contactsense.localization.primitive_frames import Frame
 from contactsense.localization.searched_surface import SearchArrays
 from contactsense.localization.single_contact_problem import SingleContactProblem
@@ -38,7 +39,8 @@ from contactsense.solvers.posterior.contact_prior import Prior
 from contactsense.solvers.posterior.mode import ENERGY_CUTOFF
 
 from contactsense.localization.simd_layout import (  # isort: skip
-    BOUND, CHI, ENERGY, FX, FY, FZ, LOG_EVIDENCE, NX, NY, NZ, PX, PY, PZ, SPREAD, TILT, VARIANCE, X, Y, Z,
+    BOUND, CHI, ENERGY, FX, FY, FZ, LOG_EVIDENCE, NX, NY, NZ, PX, PY, PZ, SPREAD, T1X, T1Y, T1Z, T2X, T2Y,
+    T2Z, TILT, V11, V12, V22, X, Y, Z,
 )  # fmt: skip
 
 SUBDIVIDE_WITHIN = 3.0
@@ -304,11 +306,22 @@ def _evaluate_block(
         cells.normal[rows, 0], cells.normal[rows, 1], cells.normal[rows, 2] = normal
         cells.force[rows, 0], cells.force[rows, 1], cells.force[rows, 2] = force
         cells.torsion[rows] = -block[CHI + j] * dot(force, normal)
-        cells.variance[rows] = block[VARIANCE + j]
+        _store_covariance(block, j, cells.covariance[rows])
         cells.spread[rows] = samples.spread[s]
         lowest_energy = min(lowest_energy, hypothesis.energy + block[ENERGY + j])
         rows += 1
     return _Found(rows, lowest_energy)
+
+
+@fused_kernel
+def _store_covariance(block: np.ndarray, j: int, out: np.ndarray) -> None:
+    """Covariance of the place in lane j of a block, along its tangents, in the link frame, shape (6,)."""
+    v11, v12, v22 = block[V11 + j], block[V12 + j], block[V22 + j]
+    s = (block[T1X + j], block[T1Y + j], block[T1Z + j])
+    t = (block[T2X + j], block[T2Y + j], block[T2Z + j])
+    covariance = from_tangents((v11, v12, v22), (s, t))
+    for i in range(6):
+        out[i] = covariance[i]
 
 
 @fused_kernel

@@ -13,8 +13,8 @@ from contactsense.solvers.posterior.contact_prior import STUDENT_DOF, Prior
 from contactsense.solvers.posterior.mode import ENERGY_CUTOFF
 
 from contactsense.localization.simd_layout import (  # isort: skip
-    A00, A55, ENERGY, FX, FY, FZ, LENGTH, LOG_EVIDENCE, NX, PX, PY, PZ, SPREAD, T1X, T2X, TILT, VARIANCE, W0,
-    W5, X,
+    A00, A55, ENERGY, FX, FY, FZ, LENGTH, LOG_EVIDENCE, NX, PX, PY, PZ, SPREAD, T1X, T2X, TILT, V11, V12,
+    V22, W0, W5, X,
 )  # fmt: skip
 
 PRIOR = Prior(
@@ -67,12 +67,12 @@ def _evaluate_block(
 ) -> list[tuple[float, ...]]:
     block = _fill_block(cells)
     find_modes(len(cells), w, L, PRIOR, force_deviation, np.inf, block)
-    results = (ENERGY, LOG_EVIDENCE, PX, PY, PZ, VARIANCE, FX, FY, FZ)
+    results = (ENERGY, LOG_EVIDENCE, PX, PY, PZ, V11, V12, V22, FX, FY, FZ)
     return [tuple(block[quantity + j] for quantity in results) for j in range(len(cells))]
 
 
 def _evaluate(w: np.ndarray, L: np.ndarray, force_deviation: float = 0.0) -> tuple[float, ...]:
-    """Energy, log evidence, point (3), variance and force (3)."""
+    """Energy, log evidence, point (3), covariance along the tangents (v11, v12, v22) and force (3)."""
     return _evaluate_block(w, L, [(*PLACE, *NORMAL, WIDTH)], force_deviation)[0]
 
 
@@ -102,7 +102,27 @@ def test_an_uninformative_measurement_returns_the_prior() -> None:
         -np.log((STUDENT_DOF + 2.0) / STUDENT_DOF), abs=1e-6
     )  # the curvature of Student's peak
     np.testing.assert_allclose(mode[:3], PLACE, atol=1e-9)
-    assert mode[3] == pytest.approx(WIDTH**2, rel=1e-6)
+    np.testing.assert_allclose(mode[3:6], [WIDTH**2, 0.0, WIDTH**2], rtol=1e-6, atol=1e-12)
+
+
+def test_the_covariance_is_that_of_the_direction_in_which_the_place_is_measured() -> None:
+    """A known push along the normal; of its moment, only the part about one axis of the surface is known, so
+    that the place is known along the other."""
+    force, noise = 20.0, 0.02
+    block = _fill_block([(*PLACE, *NORMAL, WIDTH)])
+    find_modes(1, np.zeros(6), np.eye(6), PRIOR, 0.0, np.inf, block)
+    T = np.array([_read_block(block, T1X, T2X - 1, 0), _read_block(block, T2X, W0 - 1, 0)])
+    for angle in (0.0, 0.4, np.pi / 2):
+        along = np.array([np.cos(angle), np.sin(angle)])
+        lever = np.cross(NORMAL, along @ T)
+        row = np.concatenate((np.cross(lever, PLACE), lever))  # of the wrench: its moment about the lever
+        L = np.outer(row, row) / noise**2
+        L[:3, :3] += 1e6 * np.eye(3)
+        w = np.concatenate((-force * NORMAL, np.cross(PLACE, -force * NORMAL)))
+        found = _evaluate(w, L)[5:8]
+        known = 1.0 / (1.0 / WIDTH**2 + (force / noise) ** 2)
+        expected = WIDTH**2 * np.eye(2) + (known - WIDTH**2) * np.outer(along, along)
+        np.testing.assert_allclose(found, expected[np.triu_indices(2)], rtol=0.02, atol=2e-6)
 
 
 def test_the_initial_force_does_not_matter() -> None:

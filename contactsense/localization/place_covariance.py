@@ -1,0 +1,43 @@
+"""Covariance of a place on a surface: along two tangents, or as a matrix in the axes of a frame."""
+
+from contactsense.kinematics.spatial import Six
+from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.robots.vectors import Vector, dot
+from contactsense.solvers.posterior.friction_tails import Variances
+
+Tangents = tuple[Vector, Vector]
+"""Two orthogonal unit vectors along a surface."""
+
+
+@fused_kernel
+def from_tangents(variances: Variances, tangents: Tangents) -> Six:
+    """The matrix (xx, xy, xz, yy, yz, zz) of a covariance along two tangents."""
+    (v11, v12, v22), (s, t) = variances, tangents
+    a = (v11 * s[0] + v12 * t[0], v11 * s[1] + v12 * t[1], v11 * s[2] + v12 * t[2])
+    b = (v12 * s[0] + v22 * t[0], v12 * s[1] + v22 * t[1], v12 * s[2] + v22 * t[2])
+    return (
+        a[0] * s[0] + b[0] * t[0],
+        a[0] * s[1] + b[0] * t[1],
+        a[0] * s[2] + b[0] * t[2],
+        a[1] * s[1] + b[1] * t[1],
+        a[1] * s[2] + b[1] * t[2],
+        a[2] * s[2] + b[2] * t[2],
+    )
+
+
+@fused_kernel
+def along_tangents(C: Six, tangents: Tangents) -> Variances:
+    """The covariance along two tangents of a matrix C (xx, xy, xz, yy, yz, zz)."""
+    s, t = tangents
+    a, b = times(C, s), times(C, t)
+    return dot(s, a), dot(t, a), dot(t, b)
+
+
+@fused_kernel
+def times(C: Six, a: Vector) -> Vector:
+    """C a for a symmetric matrix C (xx, xy, xz, yy, yz, zz)."""
+    return (
+        C[0] * a[0] + C[1] * a[1] + C[2] * a[2],
+        C[1] * a[0] + C[3] * a[1] + C[4] * a[2],
+        C[2] * a[0] + C[4] * a[1] + C[5] * a[2],
+    )
