@@ -9,7 +9,7 @@ from click.testing import CliRunner
 
 from contactsense import Contact
 from contactsense.benchmarks.accuracy.calibration import NEAR, Share, calibration, judge, summarize, verdict
-from contactsense.benchmarks.accuracy.credible_regions import distance, level, mixture, within
+from contactsense.benchmarks.accuracy.credible_regions import distance, explains, level, mixture, within
 from contactsense.benchmarks.accuracy.reliability import reliability
 from contactsense.benchmarks.accuracy.static_cases import COLUMNS
 from contactsense.benchmarks.accuracy.static_points import read, select
@@ -129,6 +129,19 @@ def test_an_answer_that_goes_around_a_link_reaches_its_far_side() -> None:
     far = np.array([[0.0, 0.0, -0.03]])
     assert distance(told, 1, far)[0] == pytest.approx([0.0])
     assert np.isinf(distance(told, 1, far - [0.0, 0.0, 0.05])).all()
+
+
+def test_the_ellipse_of_99_9_percent_is_one_along_the_normal_too() -> None:
+    around = contact(1.0, (0, 0, 0), (0.02, 0.02))
+    around.covariance[2, 2] = 0.03**2
+    told = mixture([around])
+    for depth, inside in ((2.5, True), (3.2, True), (3.4, False)):
+        assert explains(told, 1, np.array([[0.0, 0.0, -depth * 0.03]]))[0, 0] == inside
+    assert explains(told, 1, np.array([[3.6 * 0.02, 0.0, 0.0], [3.8 * 0.02, 0.0, 0.0]]))[0].tolist() == [
+        True,
+        False,
+    ]
+    assert not explains(told, 2, np.zeros((1, 3))).any()
 
 
 def test_probability_near_a_place_is_the_mixtures() -> None:
