@@ -11,16 +11,20 @@ from contactsense import Contact, JointTorqueSensor, Localizer, Scene
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import build_model, empty_motion
 from contactsense.robots.vectors import tangents
-from tests.plain_arm import contacts, plain_ur5e
+from tests.plain_arm import Truth, contacts, plain_ur5e
 
 ARM = plain_ur5e()
 LAST = len(ARM.joints)
-TRUTH = contacts(ARM, 5000, seed=5, torsion=0.0)
 NARROW = 0.008
 """Larger standard deviation of a place that is known well [m]."""
 
 
-def located(noise: float, surface_error: float) -> list[tuple[int, np.ndarray, Contact]]:
+@pytest.fixture(scope="module")
+def truth() -> Truth:
+    return contacts(ARM, 5000, seed=5, torsion=0.0)
+
+
+def located(truth: Truth, noise: float, surface_error: float) -> list[tuple[int, np.ndarray, Contact]]:
     """Clear and narrow answers that are near the truth: its number, the true place, and the answer.
 
     The real surface is `surface_error` (standard deviation) away from the primitive, along its normal.
@@ -34,12 +38,12 @@ def located(noise: float, surface_error: float) -> list[tuple[int, np.ndarray, C
     localizer, rng = Localizer(scene), np.random.default_rng(6)
     model, motion = build_model(ARM), empty_motion(LAST)
     found = []
-    for i in np.flatnonzero(TRUTH.link == LAST):
-        forward_kinematics(model, TRUTH.q[i], motion)
-        point = TRUTH.point[i] + surface_error * rng.standard_normal() * TRUTH.normal[i]
-        torque = -motion.screw @ np.concatenate((TRUTH.force[i], np.cross(point, TRUTH.force[i])))
+    for i in np.flatnonzero(truth.link == LAST):
+        forward_kinematics(model, truth.q[i], motion)
+        point = truth.point[i] + surface_error * rng.standard_normal() * truth.normal[i]
+        torque = -motion.screw @ np.concatenate((truth.force[i], np.cross(point, truth.force[i])))
         torque += noise * rng.standard_normal(LAST)
-        best = localizer.locate(TRUTH.q[i], joint_torque=torque, detect=False).contacts[0]
+        best = localizer.locate(truth.q[i], joint_torque=torque, detect=False).contacts[0]
         largest = np.sqrt(np.linalg.eigvalsh(best.covariance)[-1])
         is_near = best.link_index == LAST and np.linalg.norm(point - best.point_base) < 4.0 * NARROW
         if is_near and best.probability > 0.9 and largest < NARROW:
@@ -47,10 +51,10 @@ def located(noise: float, surface_error: float) -> list[tuple[int, np.ndarray, C
     return found
 
 
-def test_noise_leaves_a_place_as_open_as_stated_along_each_tangent() -> None:
+def test_noise_leaves_a_place_as_open_as_stated_along_each_tangent(truth: Truth) -> None:
     """Torques seldom leave both tangents open alike."""
     inside = []
-    for _, point, best in located(noise=0.05, surface_error=1e-6):
+    for _, point, best in located(truth, noise=0.05, surface_error=1e-6):
         T = np.array(tangents(tuple(best.normal_base.tolist())))
         offset = T @ (point - best.point_base)
         squared = offset @ np.linalg.solve(T @ best.covariance @ T.T, offset)
@@ -59,13 +63,13 @@ def test_noise_leaves_a_place_as_open_as_stated_along_each_tangent() -> None:
     assert np.mean(inside) == pytest.approx(0.9, abs=0.05)
 
 
-def test_the_surface_leaves_a_place_as_open_as_stated_along_the_tangential_force() -> None:
+def test_the_surface_leaves_a_place_as_open_as_stated_along_the_tangential_force(truth: Truth) -> None:
     """What the surface is off along the normal moves the place of a slanted force: without noise, by more
     than anything else."""
     scaled = []
-    for i, point, best in located(noise=0.002, surface_error=0.004):
-        normal, push = TRUTH.normal[i], -TRUTH.force[i] @ TRUTH.normal[i]
-        ratio = TRUTH.force[i] / push + normal
+    for i, point, best in located(truth, noise=0.002, surface_error=0.004):
+        normal, push = truth.normal[i], -truth.force[i] @ truth.normal[i]
+        ratio = truth.force[i] / push + normal
         size = np.linalg.norm(ratio)
         if size > 0.1:
             along = ratio / size
