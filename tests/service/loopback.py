@@ -74,7 +74,7 @@ def own_address() -> str:
 _count = 0
 
 
-def until(condition: Callable[[], object], timeout: float = 10.0, step: float = 0.005) -> bool:
+def until(condition: Callable[[], object], timeout: float = 30.0, step: float = 0.005) -> bool:
     """Wait for something to come true; it is tried every `step` [s]."""
     end = time.monotonic() + timeout
     while time.monotonic() < end:

@@ -7,11 +7,14 @@ from contactsense.service.mock.servers import MockSettings
 from contactsense.service.sensors.live_source import SourceSettings
 from tests.service.loopback import SmallFeed, until
 
-SECONDS = np.arange(5000) / 500.0
+# Longer than `KNOWN_WITHIN`: what comes after its end never changes.
+SECONDS = np.arange(35000) / 500.0
 # Each component grows by 1 a second: an error of the value is an error of the instant.
 WRENCH = SECONDS[:, None] + np.arange(6)
-FEED = SmallFeed(base_wrench=WRENCH)
+FEED = SmallFeed(n=len(WRENCH), base_wrench=WRENCH)
 SCENE = Scene(robot="ur5e")
+KNOWN_WITHIN = 60.0
+"""A force/torque sensor's clock is known after this time, even on a busy computer [s]."""
 MOCK = MockSettings(rtde_port=0, netft_port=0, http_port=0)
 
 

@@ -19,14 +19,14 @@ from contactsense.service.sensors.network_wrench import WrenchSource
 from contactsense.service.sensors.robot_stream import SensorError
 from contactsense.service.wire.recipe import RtdeFieldError
 from tests.service.loopback import own_address, until
-from tests.service.sensors.mock_source import FEED, MOCK, SCENE, WRENCH, collect, settings_for
+from tests.service.sensors.mock_source import FEED, KNOWN_WITHIN, MOCK, SCENE, WRENCH, collect, settings_for
 from tests.service.ur_rtde import ur_rtde_installed
 
 
 def with_wrench(source, n):
     """That many samples, all of them from after the force/torque sensor's clock is known: that takes longer
     on a busy computer."""
-    known = until(lambda: any(s.base_wrench is not None for s in source.poll(0.1)), timeout=60.0)
+    known = until(lambda: any(s.base_wrench is not None for s in source.poll(0.1)), timeout=KNOWN_WITHIN)
     assert known, source.health
     return [sample for sample in collect(source, n) if sample.base_wrench is not None]
 
@@ -191,7 +191,7 @@ def test_a_sensor_between_links_has_its_own_box():
                     samples.extend(both)
                     return len(samples) > 200
 
-                assert until(complete), source.health
+                assert until(complete, timeout=KNOWN_WITHIN), source.health
                 assert_of_its_instant(samples)
                 own.close()
                 assert until(lambda: all(not s.link_wrenches for s in source.poll(0.1)[-1:]))
