@@ -98,10 +98,18 @@ def _curvature(block: np.ndarray, lane: int) -> tuple[float, float, float]:
 
 
 @fused_kernel
-def adopt_candidate(candidates: Candidates, row: int, i: int, explanations: Explanations, t: int) -> None:
-    """Give contact i of explanation t the covariance of the candidate at which its optimization started, and
-    the explanation its probability."""
+def pool_with_candidate(candidates: Candidates, row: int, i: int, explanations: Explanations, t: int) -> None:
+    """Pool the place of contact i of explanation t with the candidate at which its optimization started, and
+    give the explanation the candidate's probability.
+
+    Both are normal distributions that approximate the same posterior. Laplace's about the optimum has the
+    known contacts as they are, but not how the surface curves away; the candidate's is integrated over the
+    surface, but takes the moment that known contacts leave open as independent of their forces. The covariance
+    is that of both in equal parts, about the optimum.
+    """
     explanations.probability[t] = candidates.probability[row]
+    place, mean, C = explanations.point[t, i], candidates.point[row], explanations.covariance[t, i]
     for k in range(3):
         for a in range(3):
-            explanations.covariance[t, i, k, a] = candidates.covariance[row, k, a]
+            distant = (mean[k] - place[k]) * (mean[a] - place[a])
+            C[k, a] = 0.5 * (C[k, a] + candidates.covariance[row, k, a] + distant)
