@@ -103,9 +103,9 @@ def pool_with_candidate(candidates: Candidates, row: int, i: int, explanations: 
     give the explanation the candidate's probability.
 
     Both are normal distributions that approximate the same posterior. Laplace's about the optimum has the
-    known contacts as they are, but not how the surface curves away; the candidate's is integrated over the
-    surface, but takes the moment that known contacts leave open as independent of their forces. The covariance
-    is that of both in equal parts, about the optimum.
+    known contacts as they are, but not how the surface curves away. The candidate's is integrated over the
+    surface, but takes the moment that known contacts leave open as independent of their forces. The result is
+    the covariance of both in equal parts, about the optimum.
     """
     explanations.probability[t] = candidates.probability[row]
     place, mean, C = explanations.point[t, i], candidates.point[row], explanations.covariance[t, i]
