@@ -56,7 +56,9 @@ def initialize_seeding(
 
     The places of known contacts are taken for independent of their forces, and the moment that they leave
     open for the same about all axes. That is more than the covariances of a normal distribution, and allows
-    for what it does not describe: a place on the neighbouring primitive, or on another side of this one.
+    for what it does not describe: a place on the neighbouring primitive, or on another side of this one. A
+    force that may have become another one is of the size that it had, or of what the sensors measure if that
+    is more.
 
     Args:
         links: Link of each primitive, shape (P,).
@@ -71,18 +73,21 @@ def initialize_seeding(
     for r in range(m):
         seeding.prior_covariance[r, r] = 1.0
         seeding.innovation[r] = rows.value[r]
-    deviations, is_held = force_deviations(force_scale, model.friction_ratio), known.drift < math.inf
+    is_held = known.drift < math.inf
+    deviations = (known.drift, known.drift)
     if is_held:
-        deviations = (known.drift, known.drift)
         _subtract_known_wrenches(joint, known.contacts, m, seeding)
         if known.measured:
             deviations = (0.0, 0.0)
             _add_known_forces(joint, known.contacts, m, buffers.known_prior, seeding)
     for i in range(known.contacts):
-        block, C, force_norm = joint.contact[i], buffers.known.covariance[i], force_scale
+        block, C, before = joint.contact[i], buffers.known.covariance[i], buffers.known.force[i]
         c, n, f = vector_of(block, PX, 0), vector_of(block, NX, 0), vector_of(block, FX, 0)
-        if is_held:
-            force_norm = norm(f)
+        force_norm = norm(f)
+        if not is_held:
+            # Forces that balance each other are larger than what the sensors measure of them.
+            force_norm = max(force_scale, norm((before[0], before[1], before[2])))
+            deviations = force_deviations(force_norm, model.friction_ratio)
         add_contact_covariance(
             model.measurement,
             links[buffers.known.primitive[i]],
