@@ -145,7 +145,8 @@ class StaticLocalizer:
                 sensors: their positions have their covariances as prior. They count towards `contacts`.
             drift: Standard deviation of the change of each component of their forces since then [N]; given
                 their positions, the forces before it are known as one sample measures them. None: their
-                forces are free. The smaller, the better a new contact is distinguished from them.
+                forces are free, about as large as before or as the sensors measure. The smaller, the better a
+                new contact is distinguished from them.
 
         Raises:
             ValueError: an argument has the wrong shape, is not finite or is implausible (mistaken units,

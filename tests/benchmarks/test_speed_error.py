@@ -4,6 +4,7 @@ import io
 from pathlib import Path
 
 import numpy as np
+import pytest
 from rich.console import Console
 
 from contactsense.benchmarks.accuracy.static_cases import COLUMNS
@@ -40,6 +41,7 @@ def test_marks_count_missing_answers() -> None:
     assert found.as_json()["error"][2] is None
 
 
+@pytest.mark.slow
 def test_the_picture_and_the_table_show_every_mark(tmp_path: Path) -> None:
     marks = [
         Mark(name, robot, noise, contacts, 10.0 ** (k + 1), (0.001, 0.002, np.inf if k else 0.01), 0.9)

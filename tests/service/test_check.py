@@ -107,6 +107,7 @@ def test_a_right_scene_fits(folder: Path) -> None:
     assert "does not fit" not in result.output
 
 
+@pytest.mark.slow
 def test_a_wrong_line_is_named_with_the_value_that_fits(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

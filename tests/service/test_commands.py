@@ -108,6 +108,7 @@ def test_serve_tells_where_it_is_and_ends_when_told(number: signal.Signals) -> N
     assert "Traceback" not in err
 
 
+@pytest.mark.slow
 def test_serve_ends_in_order_when_it_is_interrupted_twice() -> None:
     """A request whose body has not come keeps the shutdown open until the second interrupt is there."""
     process = contactsense("serve", "--port", "0")
@@ -258,6 +259,7 @@ def test_output_to_a_full_disk_is_told_in_one_line(buffered: bool) -> None:
     assert ended.stderr == "contactsense: cannot write the output: No space left on device\n"
 
 
+@pytest.mark.slow
 def test_a_taken_port_is_told() -> None:
     with child("serve", "--port", "0") as first:
         port = first.wait_for("serving at http://127.0.0.1:")

@@ -11,6 +11,7 @@ import pytest
 from tests.service.loopback import until
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_decomposition_ends_with_its_workers(tmp_path: Path, number: signal.Signals) -> None:

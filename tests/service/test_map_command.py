@@ -40,6 +40,7 @@ def test_a_table_by_link(scenes: tuple[str, str]) -> None:
     assert rows["force:"][1] == "smallest"
 
 
+@pytest.mark.slow
 def test_two_scenes_side_by_side(scenes: tuple[str, str]) -> None:
     result = call(scenes[0], "--compare", scenes[1], *POSTURE)
     assert result.exit_code == 0, result.output

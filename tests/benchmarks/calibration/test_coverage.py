@@ -1,10 +1,12 @@
 """The uncertainties that calibration states, on one simulated recording whose truth is known."""
 
 import numpy as np
+import pytest
 
 from contactsense.benchmarks.calibration.coverage import GROUPS, scores_of
 
 
+@pytest.mark.slow
 def test_torque_constants_that_are_far_off_are_found_too() -> None:
     """With this recording three rounds leave one of them 3 % off, forty times what is stated."""
     scores = scores_of(7, 20.0, 125.0)

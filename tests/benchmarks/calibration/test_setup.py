@@ -19,6 +19,7 @@ def test_every_mistake_is_named_and_no_right_setup_accused() -> None:
     assert alone == dict.fromkeys(MISTAKES, 1)
 
 
+@pytest.mark.slow
 def test_the_table_is_printed() -> None:
     result = CliRunner().invoke(setup, ["--arm", "ur5e", "--draws", "0", "--right", "1", "--seconds", "8"])
     assert result.exit_code == 0, result.output

@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from click.testing import CliRunner
 
 from contactsense import Contact, Explanation
@@ -63,6 +64,7 @@ def test_the_nearest_explanation_is_the_true_one() -> None:
     assert verdict((near, SETS[0]), np.array([2, 4]), points, True).answer[1]
 
 
+@pytest.mark.slow
 def test_sensors_and_the_change_of_held_forces_can_be_chosen() -> None:
     scene = localizer_for("ur5e", Noise(0.05, 0.01, 0.3), sensors="torques").scene
     assert scene.base_wrench is None

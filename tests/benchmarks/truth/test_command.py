@@ -25,6 +25,7 @@ def make(*arguments: str) -> Result:
     return CliRunner().invoke(main, ["make", *arguments])
 
 
+@pytest.mark.slow
 def test_nothing_of_contactsense_is_imported() -> None:
     """Neither written down nor loaded."""
     for path in PACKAGE.glob("*.py"):

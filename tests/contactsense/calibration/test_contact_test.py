@@ -99,6 +99,7 @@ def test_a_recording_full_of_contact_is_refused() -> None:
         calibrate(start, [replace(touched, name="touched.csv")], SETTINGS)
 
 
+@pytest.mark.slow
 def test_a_hand_that_holds_a_joint_at_rest_below_its_friction_is_not_told() -> None:
     """A joint at rest may hold any torque up to its Coulomb friction."""
     truth, _, start = draw(np.random.default_rng(11))

@@ -59,6 +59,7 @@ def _alarms(
     return count, on
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("degrees_of_freedom", "bandwidth", "dt"), [(12, 10.0, 0.002), (6, 25.0, 0.002), (12, 10.0, 0.008)]
 )

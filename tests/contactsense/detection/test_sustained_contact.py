@@ -50,6 +50,7 @@ def test_the_average_shows_a_weak_contact_that_no_sample_shows(localizer: Locali
     assert detected[1] < 0.4
 
 
+@pytest.mark.slow
 def test_a_strong_contact_ends_as_soon_as_its_samples_show(localizer: Localizer) -> None:
     for seed in range(20):
         found = touched(localizer, STRONG * PUSH, seed)

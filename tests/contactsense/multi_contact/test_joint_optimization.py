@@ -132,6 +132,7 @@ def _residuals(case: Case, m: int, primitives: list[int], x: np.ndarray) -> np.n
     return np.concatenate((residual, *priors))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_the_optimum_agrees_with_scipy(case: Case, seed: int) -> None:
     trials = Trials(SCENE, seed=40 + seed)

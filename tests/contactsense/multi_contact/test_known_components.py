@@ -81,6 +81,7 @@ def _energy(x: np.ndarray, prior: Prior, y: np.ndarray, contacts: Sequence[_Fixe
     return float(total + 0.5 * y @ y)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [1, 2])
 def test_forces_are_those_which_the_earlier_sample_measured_there(case: Case, count: int) -> None:
     """The sample that the stated contacts predict, with the places given, is solved by a general

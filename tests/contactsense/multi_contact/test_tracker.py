@@ -139,6 +139,7 @@ def test_a_slide_or_a_force_change_is_not_a_second_contact(localizer: Localizer,
         assert all(estimate.status != "multiple" for estimate in estimates)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ["ur5e", "ur10e"])
 def test_no_single_touch_of_the_meshes_is_two_contacts(robot: str) -> None:
     """Among them slides over edges, of which the primitives know nothing."""

@@ -64,6 +64,7 @@ def _push(force: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return np.where(np.arange(6) < LINK, -motion.screw @ w, 0.0), w, point
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("bias_time", "alarms"), [(10.0, False), (None, True)])
 def test_a_drift_is_no_contact_and_a_contact_afterwards_is_found(
     bias_time: float | None, alarms: bool

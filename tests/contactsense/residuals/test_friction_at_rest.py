@@ -98,6 +98,7 @@ def test_starting_and_stopping_is_no_contact(acceleration: float) -> None:
     assert not _energies(q, seen).any()
 
 
+@pytest.mark.slow
 def test_noise_and_creep_of_an_hour_are_no_contact() -> None:
     """Friction after a stop relaxes from all that it may hold, over one, five and thirty seconds at once;
     meanwhile it drifts by 0.8 Nm a minute."""

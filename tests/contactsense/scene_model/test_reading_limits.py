@@ -64,6 +64,7 @@ def test_what_is_no_number_does_not_pass(field: str, wrong: float) -> None:
     assert not _sample(limits, *values.values(), 3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("external", [True, False])
 @pytest.mark.parametrize("scene", SCENES, ids=["no range", "range"])
 def test_a_base_wrench_that_is_refused_does_not_pass(scene: Scene, external: bool) -> None:

@@ -61,6 +61,7 @@ def test_the_wrong_line_is_named(kind: str) -> None:
         assert found.wrong[0].after == found.residuals
 
 
+@pytest.mark.slow
 def test_a_right_setup_fits_and_the_proposed_value_is_the_true_one() -> None:
     right = right_setup("ur10e", 3, DRAWN)
     found = check(right.scene, [right.recording])
@@ -149,6 +150,7 @@ def test_the_centre_of_mass_of_a_light_tool_matters_less(mass: float, factor: fl
     assert limits[0] == pytest.approx(factor * limits[1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tared", [False, True])
 def test_an_arm_at_rest_tells_little_and_accuses_nothing(tared: bool) -> None:
     case = right_setup("ur10e", 5, DRAWN)
@@ -171,6 +173,7 @@ def test_an_arm_at_rest_tells_little_and_accuses_nothing(tared: bool) -> None:
     assert "joint velocities: agreement" in untold
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("missing", [(0.3, 0.1), (0.023, 0.015)])
 def test_a_sensor_set_to_zero_under_load_and_missing_samples_accuse_nothing(
     missing: tuple[float, float],

@@ -22,6 +22,7 @@ def _checked(degrees: tuple[float, ...]) -> SetupCheck:
     return check(case.scene, [replace(case.recording, q=case.recording.q + offset)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("joint", "name", "degrees"),
     [

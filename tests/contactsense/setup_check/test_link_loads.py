@@ -57,11 +57,13 @@ def test_a_load_on_the_upper_arm_is_named_if_errors_of_the_inertia_do_not_explai
     assert [item.line for item in check(case.scene, [loaded]).wrong] == found
 
 
+@pytest.mark.slow
 def test_the_mass_of_a_link_that_is_a_tenth_off_is_no_load() -> None:
     case = _loaded("forearm", 0.28)
     assert check(case.scene, [case.recording]).fits
 
 
+@pytest.mark.slow
 def test_nothing_is_said_of_the_loads_of_a_right_scene() -> None:
     """This motion does not determine that of the shoulder, nor hardly that of the upper arm."""
     case = right_setup("ur5e", 1, DRAWN)

@@ -78,6 +78,7 @@ def _inertia(robot: Robot, first: int) -> np.ndarray:
     return Setup.of(scene.model_copy(update={"robot": robot, "tool": None})).bodies[first:]
 
 
+@pytest.mark.slow
 @BOTH
 def test_a_right_setup_fits_and_a_wrong_bias_is_found(field: str) -> None:
     case = right_setup("ur10e", 3, DRAWN, field)

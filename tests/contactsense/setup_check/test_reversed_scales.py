@@ -31,6 +31,7 @@ def _said(scene: Scene, recording: FreeMotion) -> dict[str, tuple[str | None, st
     return {item.line: (item.proposed, item.remark) for item in check(scene, [recording]).wrong}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [100.0, pytest.param(1.0 / G, marks=pytest.mark.long)])
 def test_torques_of_another_unit_and_the_opposite_sign(scale: float) -> None:
     scene, recording, torque, _ = _cell()

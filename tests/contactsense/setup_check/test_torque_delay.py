@@ -48,6 +48,7 @@ def _milliseconds(text: str | None, expected: str = "late") -> float:
     return float(size)
 
 
+@pytest.mark.slow
 def test_late_torques_are_named_with_their_delay() -> None:
     """Friction must not absorb them."""
     (item,) = _checked(_case(), "torque").wrong
@@ -56,6 +57,7 @@ def test_late_torques_are_named_with_their_delay() -> None:
     assert _milliseconds(item.proposed) == pytest.approx(96.0, abs=12.0)
 
 
+@pytest.mark.slow
 def test_a_late_base_sensor_is_named_with_its_delay() -> None:
     (item,) = _checked(_case(), "reading").wrong
     assert item.line == "base_wrench.delay"
@@ -85,6 +87,7 @@ def test_slow_motion_does_not_determine_the_delay_of_torques() -> None:
     assert slow.std[0] > 0.020
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("displacement", [0.002, 0.005])
 def test_friction_that_reverses_late_is_no_delay(displacement: float) -> None:
     """Dahl's friction follows the velocity after a small displacement [rad]: as if it came late."""

@@ -84,6 +84,7 @@ def test_seams_have_one_answer_a_million_times() -> None:
         assert row.residual < 1e-12
 
 
+@pytest.mark.slow
 def test_newton_needs_few_steps() -> None:
     for row in iterations.rows(2_000, lambda name: None):
         assert row.failures == 0

@@ -40,6 +40,7 @@ BODIES = st.one_of(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=300)
 @given(body=BODIES, seed=st.integers(0, 2**32 - 1))
 def test_proposition_1_the_centroid_lies_on_the_side_of_the_contacts(body: Surface, seed: int) -> None:

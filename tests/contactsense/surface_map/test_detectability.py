@@ -109,6 +109,7 @@ def test_the_map_turns_with_the_arm(both: Detectability) -> None:
     assert np.mean(np.abs(turned.error / both.error - 1.0) < 0.2) > 0.95
 
 
+@pytest.mark.slow
 def test_a_wrist_sensor_feels_the_tool_only() -> None:
     tool = {
         "name": "rod",

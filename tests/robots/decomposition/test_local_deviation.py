@@ -97,6 +97,7 @@ def test_the_moved_surface_is_the_skins_where_that_is_plane(moved: Cells) -> Non
     assert np.median([cell.offset for cell in still]) > 0.01
 
 
+@pytest.mark.slow
 def test_what_remains_is_never_more_than_what_was(monkeypatch: pytest.MonkeyPatch) -> None:
     # In the same cells.
     monkeypatch.setattr(measured, "MOVED_CELL", CELL)

@@ -10,6 +10,7 @@ from contactsense.robots.decomposition.mesh_sources import skin_meshes
 from contactsense.robots.robot import NO_MASS, Link, LocalDeviation, Robot
 
 
+@pytest.mark.slow
 def test_a_large_link_with_many_faces_inside_is_compared_as_finely_as_a_small_one(tmp_path: Path) -> None:
     outside = trimesh.creation.box((1.6, 0.6, 0.6))
     inside = [trimesh.creation.box((1.5, 0.5 - 0.02 * i, 0.5)) for i in range(6)]

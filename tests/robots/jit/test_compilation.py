@@ -94,6 +94,7 @@ print(compilation.active, len(seen), seen[-1].share if seen else None)
 """
 
 
+@pytest.mark.slow
 def test_numbas_events_are_followed_and_a_second_run_compiles_nothing(tmp_path: Path) -> None:
     place = str(Path(contactsense.__path__[0]).parent)
     environment = {**os.environ, "PYTHONPATH": place, "NUMBA_CACHE_DIR": str(tmp_path)}

@@ -6,6 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import contactsense
 
 KERNELS = """
@@ -70,6 +72,7 @@ def _compiled_here(folder: Path, *arguments: str, patience: float = 60.0) -> lis
     return compiled
 
 
+@pytest.mark.slow
 def test_the_other_process_compiles_its_part(tmp_path: Path) -> None:
     assert _compiled_here(tmp_path) == ["first", "root"]
 

@@ -81,6 +81,7 @@ def test_with_nowhere_to_write_kernels_are_compiled_in_memory() -> None:
     assert done.stdout.strip() == "6.0"
 
 
+@pytest.mark.slow
 def test_a_class_of_arguments_that_is_gone_leaves_no_trace(tmp_path: Path) -> None:
     """Numba lists types of arguments by name: one that was renamed must not keep the rest from loading."""
     (tmp_path / "inner.py").write_text(

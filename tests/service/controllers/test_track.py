@@ -110,6 +110,7 @@ def test_a_stream_in_both_forms(place: str, pushed: Sample) -> None:
             assert closed.value.rcvd.code == 1013
 
 
+@pytest.mark.slow
 def test_a_scene_of_its_own(place: str, pushed: Sample) -> None:
     with opened(place) as client:
         wrong = ask(client, {"scene": {"robot": "ur99"}})

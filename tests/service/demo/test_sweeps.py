@@ -22,6 +22,7 @@ from tests.service.test_commands import run
 LINKS = ("forearm", "upper_arm", "wrist_1")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("sweep", "link"), list(zip(SWEEPS, LINKS, strict=True)), ids=LINKS)
 def test_each_sweep_hits_with_another_link_and_a_stop_makes_it_softer(sweep, link):
     script = Script.load(SCRIPT)

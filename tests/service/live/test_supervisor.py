@@ -57,6 +57,7 @@ def test_estimates_and_health_come_from_the_process() -> None:
     asyncio.run(scenario())
 
 
+@pytest.mark.slow
 def test_a_mute_robot_is_told_of_and_no_reason_to_give_up() -> None:
     async def scenario() -> None:
         async with running(fakes.Mute) as (runner, heard):
@@ -159,6 +160,7 @@ def test_a_service_that_is_starved_itself_kills_no_healthy_process() -> None:
     asyncio.run(scenario())
 
 
+@pytest.mark.slow
 def test_a_full_file_table_is_told_and_outlived(monkeypatch: pytest.MonkeyPatch) -> None:
     def full(*_: object) -> tuple[socket.socket, socket.socket]:
         raise OSError(errno.EMFILE, "Too many open files")
@@ -200,6 +202,7 @@ def test_a_watching_task_that_breaks_is_told_and_started_again(monkeypatch: pyte
     asyncio.run(scenario())
 
 
+@pytest.mark.slow
 def test_what_breaks_it_is_told(capfd: pytest.CaptureFixture[str]) -> None:
     async def scenario() -> None:
         async with running(fakes.Broken) as (runner, _):

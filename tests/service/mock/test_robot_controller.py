@@ -79,6 +79,7 @@ def test_pause_and_play():
     assert live.at(5.0).runtime is RuntimeState.STOPPED
 
 
+@pytest.mark.slow
 def test_a_stop_program_replaces_the_running_one():
     live = robot()
     live.advance_to(1.2)

@@ -232,6 +232,7 @@ def test_a_service_records_while_the_command_runs(service: tuple[str, Path]) -> 
     assert until(lambda: 1.0 < recorded() < 2.5, 60.0)
 
 
+@pytest.mark.slow
 def test_a_killed_pipeline_goes_on_recording(service: tuple[str, Path]) -> None:
     url, folder = service
     files = len(list(folder.glob("service-*")))

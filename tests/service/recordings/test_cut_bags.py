@@ -82,6 +82,7 @@ def test_a_rosbag2_folder_is_read(rosbag: Path) -> None:
     assert not found.problems
 
 
+@pytest.mark.slow
 def test_an_mcap_file_that_is_cut_short_is_used_up_to_there(tmp_path: Path) -> None:
     export(_recording(), tmp_path / "a.mcap")
     _cut(tmp_path / "a.mcap")

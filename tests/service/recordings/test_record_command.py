@@ -42,6 +42,7 @@ def mock() -> Iterator[tuple[Motion, list[str]]]:
         )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_live_recording_begins_without_loading_the_calibration() -> None:
     code = "import sys, contactsense.service.cli.record; print('contactsense.calibration' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

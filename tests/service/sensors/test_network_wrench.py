@@ -132,6 +132,7 @@ def test_a_robot_clock_that_stood_still_is_learned_anew(monkeypatch: pytest.Monk
     assert box.run(1.0) == 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("late", [0.007, 0.02])
 def test_late_readings_are_left_out_until_they_are_in_time_again(
     monkeypatch: pytest.MonkeyPatch, late: float

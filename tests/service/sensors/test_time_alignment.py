@@ -22,6 +22,7 @@ def test_without_jitter_the_map_is_exact():
     assert clock.tick(0.5) == pytest.approx(50.5, abs=1e-9)
 
 
+@pytest.mark.slow
 @settings(max_examples=20)
 @given(st.integers(0, 10**6), st.floats(-2e-4, 2e-4), st.floats(0.0, 1e6), st.booleans())
 def test_jitter_and_drift(seed, drift, start, known):
