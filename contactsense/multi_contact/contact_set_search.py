@@ -40,7 +40,7 @@ from contactsense.multi_contact.sample_likelihood import SampleModel
 from contactsense.multi_contact.seeding import drop_seeds_at_candidates, find_seeds
 from contactsense.multi_contact.seeding_prior import initialize_seeding
 from contactsense.multi_contact.set_evidence import add_accessibility, fill_set_evidence, known_evidence
-from contactsense.multi_contact.stored_explanations import pool_with_candidate, store_explanation
+from contactsense.multi_contact.stored_explanations import mix_with_candidate, store_explanation
 from contactsense.multi_contact.summed_pairs import store_summed_pairs
 from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
 from contactsense.robots.jit.lanes import LANES
@@ -73,7 +73,7 @@ class Starts(NamedTuple):
     """Number of sets of samples."""
     is_broad: bool
     """Whether the place of a candidate is uncertain: the explanations then take the probabilities of the
-    candidates, and both places are pooled."""
+    candidates, and places are mixtures of both."""
     is_pooled: bool
     """Whether the explanations are pooled with the sums over samples."""
 
@@ -211,7 +211,7 @@ def _search_from(
             store_explanation(joint, j, count, known_alone, explanations, stored)
             if starts.is_broad and start + j < starts.candidates:
                 row = candidates.order[start + j]
-                pool_with_candidate(candidates, row, known.contacts, explanations, stored)
+                mix_with_candidate(candidates, row, known.contacts, explanations, stored)
             stored += 1
     return stored, lowest_energy
 

@@ -19,7 +19,7 @@ from contactsense.multi_contact.known_rows import Known, unknown_of_factor
 from contactsense.multi_contact.sample_likelihood import SampleModel, add_contact_covariance, force_deviations
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
-from contactsense.robots.vectors import norm
+from contactsense.robots.vectors import norm, vector
 from contactsense.sensors.usable_sensors import Usable
 
 TORQUE_LEVER = 0.5
@@ -81,12 +81,12 @@ def initialize_seeding(
             deviations = (0.0, 0.0)
             _add_known_forces(joint, known.contacts, m, buffers.known_prior, seeding)
     for i in range(known.contacts):
-        block, C, before = joint.contact[i], buffers.known.covariance[i], buffers.known.force[i]
+        block, C = joint.contact[i], buffers.known.covariance[i]
         c, n, f = vector_of(block, PX, 0), vector_of(block, NX, 0), vector_of(block, FX, 0)
         force_norm = norm(f)
         if not is_held:
             # Forces that balance each other are larger than what the sensors measure of them.
-            force_norm = max(force_scale, norm((before[0], before[1], before[2])))
+            force_norm = max(force_scale, norm(vector(buffers.known.force[i])))
             deviations = force_deviations(force_norm, model.friction_ratio)
         add_contact_covariance(
             model.measurement,

@@ -4,12 +4,13 @@ import numpy as np
 
 from contactsense.kinematics.wrench_information import matvec
 from contactsense.localization.candidate_buffers import Candidates
+from contactsense.localization.mixture_reduction import mean, second_moments, write_moments
 from contactsense.multi_contact.buffers import Explanations, JointState
 from contactsense.multi_contact.contact_step import vector_of
 from contactsense.multi_contact.joint_covariance import covariance_of
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
-from contactsense.robots.vectors import dot
+from contactsense.robots.vectors import dot, subtract, vector
 from contactsense.solvers.posterior.contact_prior import Contact
 from contactsense.solvers.posterior.friction_tails import curvature_along, with_friction_tails
 
@@ -98,18 +99,17 @@ def _curvature(block: np.ndarray, lane: int) -> tuple[float, float, float]:
 
 
 @fused_kernel
-def pool_with_candidate(candidates: Candidates, row: int, i: int, explanations: Explanations, t: int) -> None:
-    """Pool the place of contact i of explanation t with the candidate at which its optimization started, and
+def mix_with_candidate(candidates: Candidates, row: int, i: int, explanations: Explanations, t: int) -> None:
+    """Mix the place of contact i of explanation t with the candidate at which its optimization started, and
     give the explanation the candidate's probability.
 
     Both are normal distributions that approximate the same posterior. Laplace's about the optimum has the
     known contacts as they are, but not how the surface curves away. The candidate's is integrated over the
     surface, but takes the moment that known contacts leave open as independent of their forces. The result is
-    the covariance of both in equal parts, about the optimum.
+    the covariance of their mixture in equal parts, about the optimum.
     """
     explanations.probability[t] = candidates.probability[row]
-    place, mean, C = explanations.point[t, i], candidates.point[row], explanations.covariance[t, i]
-    for k in range(3):
-        for a in range(3):
-            distant = (mean[k] - place[k]) * (mean[a] - place[a])
-            C[k, a] = 0.5 * (C[k, a] + candidates.covariance[row, k, a] + distant)
+    C = explanations.covariance[t, i]
+    offset = subtract(vector(candidates.point[row]), vector(explanations.point[t, i]))
+    optimum = second_moments(C, (0.0, 0.0, 0.0))
+    write_moments(mean(optimum, second_moments(candidates.covariance[row], offset), 0.5), C)
