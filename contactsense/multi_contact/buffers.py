@@ -160,6 +160,17 @@ class SeedingBuffers(NamedTuple):
     """Covariance of the rows due to noise and known contacts."""
     given_covariance: Annotated[Floats, "rows, rows"]
     """The same plus one or two further contacts."""
+    known_jacobian: Annotated[Floats, f"rows, {3 * (MAX_CONTACTS - 1)}"]
+    """Derivative of the rows by the free forces of known contacts, in units of their prior: along the outward
+    normal, and along two tangents."""
+    known_root: Annotated[Floats, f"rows, {3 * (MAX_CONTACTS - 1)}"]
+    """Scratch: the same, divided by the factor."""
+    known_force: Annotated[Floats, f"{3 * (MAX_CONTACTS - 1)}"]
+    """Scratch: mean of these forces ..."""
+    known_force_factor: Annotated[Floats, f"{3 * (MAX_CONTACTS - 1)}, {3 * (MAX_CONTACTS - 1)}"]
+    """... Cholesky factor of their covariance ..."""
+    known_force_point: Annotated[Floats, f"{3 * (MAX_CONTACTS - 1)}"]
+    """... and one value of them."""
     factor: Annotated[Floats, "rows, rows"]
     """Cholesky factor of the covariance under test, lower triangle."""
     innovation: Annotated[Floats, "rows"]

@@ -30,6 +30,7 @@ from contactsense.multi_contact.initial_contacts import (
 from contactsense.multi_contact.joint_covariance import fill_covariances
 from contactsense.multi_contact.joint_layout import ENERGY, LOG_EVIDENCE, TORSION
 from contactsense.multi_contact.joint_problem import JointProblem
+from contactsense.multi_contact.known_force_weights import weigh_by_known_forces
 from contactsense.multi_contact.known_place_mixture import divide_known_places
 from contactsense.multi_contact.known_prior import fill_known_prior
 from contactsense.multi_contact.known_rows import Known
@@ -148,9 +149,12 @@ def _find_starts(
     is_broad, is_pooled = False, further == 2
     if further == 1:
         found = min(locate_further_contact(single, model.measurement, known.contacts, seeding), MAX_SEEDS)
+        if known.contacts > 0 and known.drift == math.inf:
+            links = single.problem.scene.surfaces.link
+            weigh_by_known_forces(links, model, known.contacts, candidates, found, seeding)
         is_broad = found > 0 and is_any_broad(candidates, found)
         # The search for one contact takes free forces for normally distributed, so that they may pull: with
-        # two of them its candidates are no reliable seeds, and their probabilities not those of the places.
+        # two of them the places that it finds are no reliable starts.
         is_pooled = is_broad and known.measured and known.contacts > 1 and known.drift == math.inf
     if is_pooled or further > 1:
         seeds = find_seeds(model, further, seeding)

@@ -10,6 +10,7 @@ from contactsense.multi_contact.buffers import (
     UNKNOWNS,
     JointState,
     KnownPriorScratch,
+    Measurement,
     MultiContactBuffers,
     SeedingBuffers,
 )
@@ -19,7 +20,7 @@ from contactsense.multi_contact.known_rows import Known, unknown_of_factor
 from contactsense.multi_contact.sample_likelihood import SampleModel, add_contact_covariance, force_deviations
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.jit.lanes import LANES
-from contactsense.robots.vectors import norm, vector
+from contactsense.robots.vectors import Vector, dot, norm, tangents, vector
 from contactsense.sensors.usable_sensors import Usable
 
 TORQUE_LEVER = 0.5
@@ -98,6 +99,30 @@ def initialize_seeding(
             seeding.weighted_innovation,
             seeding.prior_covariance,
         )
+        if not is_held:
+            _fill_known_jacobian(
+                model.measurement, links[buffers.known.primitive[i]], n, deviations, i, seeding
+            )
+
+
+@fused_kernel
+def _fill_known_jacobian(
+    measurement: Measurement,
+    link: int,
+    normal: Vector,
+    deviations: tuple[float, float],
+    i: int,
+    seeding: SeedingBuffers,
+) -> None:
+    """Fill the columns of known contact i in `seeding.known_jacobian`, after `add_contact_covariance`."""
+    rows, m = measurement
+    first, second = tangents(normal)
+    for r in range(m):
+        seen, b = rows.seen[link, r], vector(seeding.force_jacobian[r])
+        out = seeding.known_jacobian[r, 3 * i :]
+        out[0] = seen * deviations[0] * dot(b, normal)
+        out[1] = seen * deviations[1] * dot(b, first)
+        out[2] = seen * deviations[1] * dot(b, second)
 
 
 @fused_kernel
