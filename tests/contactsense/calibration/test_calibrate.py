@@ -91,7 +91,7 @@ def test_its_scene_explains_the_recording(found: Calibration) -> None:
     assert again.joint_torque == found.scene.joint_torque
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_late_sensor_is_found_in_slow_motion() -> None:
     """The noise of the readings changes faster than the readings themselves."""
     late = WRENCH.model_copy(update={"delay": 0.03})

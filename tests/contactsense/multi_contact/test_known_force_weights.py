@@ -168,7 +168,7 @@ def test_a_pull_is_impossible() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("robot", ["ur5e", "ur10e"])
+@pytest.mark.parametrize("robot", ["ur5e", pytest.param("ur10e", marks=pytest.mark.long)])
 def test_an_answer_is_right_as_often_as_it_states(robot: str) -> None:
     """With much noise, explanations in which the known contact pulls would share the probability."""
     noise = COLUMNS[3]

@@ -28,10 +28,10 @@ USUAL = ("tool mass wrong by 0.5 to 2 kg", "velocities zero, or in degrees")
 OTHERS = (
     "mounting: one angle with the wrong sign",
     "joint torques of another scale or unit",
-    "base sensor 10 to 50 ms late or early",
-    "one component of the base sensor reversed",
 )
 MORE = (
+    "base sensor 10 to 50 ms late or early",
+    "one component of the base sensor reversed",
     "positions of two joints exchanged",
     "torque constants wrong by 25 to 100 %",
     "torque of one joint zero or frozen",

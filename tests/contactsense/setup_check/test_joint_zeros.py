@@ -49,7 +49,7 @@ def test_zeros_of_another_convention_are_named() -> None:
     assert item.proposed.startswith("shoulder_lift_joint -9")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_two_joints_with_another_zero_are_one_wrong_line() -> None:
     (item,) = _checked((0.0, 6.0, -8.0, 0.0, 0.0, 0.0)).wrong
     assert item.line == ZEROS

@@ -36,7 +36,7 @@ def test_a_part_that_cannot_be_touched_has_no_fit() -> None:
     assert fit_part(parts, 1, QUICK) == ()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_union_of_the_parts_leaves_the_air_between_them_free() -> None:
     mesh = fork()
     parts = separate_parts(mesh)
