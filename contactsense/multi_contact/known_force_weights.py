@@ -22,7 +22,6 @@ import math
 
 import numpy as np
 from scipy.special import ndtri
-from scipy.stats import qmc
 
 from contactsense.kinematics.linalg.cholesky import cholesky, substitute_lower
 from contactsense.localization.candidate_buffers import Candidates
@@ -41,10 +40,13 @@ from contactsense.solvers.posterior.contact_prior import STUDENT_DOF
 
 MIN_WEIGHT = 1e-6
 """Lower bound of a weight: the distribution of the forces is not exactly normal."""
-POINTS = 64
-"""Points of the mean over the forces; a power of two, as Sobol points need."""
-NORMAL_POINTS = ndtri(qmc.Sobol(3 * (MAX_CONTACTS - 1), scramble=False).random(POINTS) + 0.5 / POINTS)
-"""Points of a standard normal distribution, shape (POINTS, 6)."""
+POINTS = 128
+"""Points of the mean over the forces."""
+_IRRATIONAL = np.sqrt([2.0, 3.0, 5.0, 7.0, 11.0, 13.0])[: 3 * (MAX_CONTACTS - 1)]
+NORMAL_POINTS = ndtri(np.outer(np.arange(POINTS) + 0.5, _IRRATIONAL) % 1.0)
+"""Points of a standard normal distribution, shape (POINTS, 6): Richtmyer's quasi-Monte Carlo rule ("The
+evaluation of definite integrals, and a quasi-Monte-Carlo method based on the properties of algebraic
+numbers", 1951)."""
 _ROUNDING = 1e-6
 """Added to the variances, in units of the prior: more than rounding may take from them."""
 
