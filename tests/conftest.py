@@ -46,6 +46,16 @@ WITHOUT = (
 TOGETHER = ("contactsense/multi_contact", "service/analysis")
 """Folders whose tests share kernels of their own, which two workers would both compile. They take long and
 come before the others, so that no worker has one left when the rest are done."""
+LONGEST = (
+    "service/test_calibrate.py",
+    "service/live/test_supervisor.py",
+    "service/test_commands.py",
+    "service/test_geometry_commands.py",
+    "service/viewer/test_playback_in_browser.py",
+    "service/viewer/test_truth_in_browser.py",
+    "benchmarks/posterior/test_posterior.py",
+)
+"""Files that take longest, and come before the others for the same reason."""
 LIVE = {
     *("serving", "MockServers", "LiveServers", "NetFtServer", "RtdeServer", "Stage", "rtde_server"),
     "in_own_process",
@@ -79,7 +89,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             return 1
         if name.startswith(WITHOUT):
             return 2
-        return 3 if name.startswith(TOGETHER) else 4
+        return 3 if name.startswith((*TOGETHER, *LONGEST)) else 4
 
     items.sort(key=turn)
     for item in items:
