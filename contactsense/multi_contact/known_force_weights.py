@@ -93,7 +93,12 @@ def candidate_weight(
     row: int,
     seeding: SeedingBuffers,
 ) -> float:
-    """Importance weight of one candidate."""
+    """Importance weight of one candidate, from `MIN_WEIGHT` to 1.
+
+    Args:
+        links, model, known_count, candidates, seeding: As for `weigh_by_known_forces`.
+        row: The candidate's row.
+    """
     m = model.measurement[1]
     c, n, C = candidates.point[row], candidates.normal[row], candidates.covariance[row]
     force_norm = max(model.force_scale, norm(vector(candidates.force[row])))
@@ -119,9 +124,9 @@ def fill_known_forces(m: int, size: int, seeding: SeedingBuffers) -> None:
 
     Args:
         m: Number of rows.
-        size: Number of components of the known forces.
-        seeding: After `contactsense.multi_contact.link_information.log_likelihood`; `known_force` and
-            `known_force_factor` are filled.
+        size: Number of components of the known forces, three of each.
+        seeding: After `contactsense.multi_contact.link_information.log_likelihood`. Filled: the mean
+            `known_force`, and `known_force_factor`, the Cholesky factor of the covariance.
     """
     L, z, U = seeding.factor, seeding.weighted_innovation, seeding.known_root
     mean, V = seeding.known_force, seeding.known_force_factor
@@ -159,7 +164,12 @@ def _mean_ratio(known_count: int, seeding: SeedingBuffers) -> float:
 
 @fused_kernel
 def prior_ratio(normal: float, first: float, second: float) -> float:
-    """Density p / q of a force in units of q: along the outward normal, and along two tangents."""
+    """Ratio p / q of the densities of a force, up to a factor; 0 for a pull, at most 1.
+
+    Args:
+        normal: Component along the outward normal, in units of q's standard deviation.
+        first, second: Along two tangents, likewise.
+    """
     if normal >= 0.0:
         return 0.0
     ratio2 = RATIO_FACTOR * RATIO_FACTOR * (first * first + second * second) / (normal * normal)

@@ -118,6 +118,7 @@ def _fill_known_jacobian(
     rows, m = measurement
     first, second = tangents(normal)
     for r in range(m):
+        # Rows that do not see this link have kept the derivative of another contact.
         seen, b = rows.seen[link, r], vector(seeding.force_jacobian[r])
         out = seeding.known_jacobian[r, 3 * i :]
         out[0] = seen * deviations[0] * dot(b, normal)
