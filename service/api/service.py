@@ -105,6 +105,7 @@ class Service:
         self.reloaded: messages.ReloadHealth | None = None
         self.metrics = Metrics(self.health)
         self._locate = LocateProcess(self.scene)
+        self._reloading = asyncio.Lock()
 
     @contextlib.asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
@@ -175,6 +176,8 @@ class Service:
             found.append(f"the recording ended: {self.clips.recording.error}")
         if self.journal.error:
             found.append(f"{self.journal.error}: events are in memory only; is the disk full?")
+        if self.webhooks.error:
+            found.append(self.webhooks.error)
         return found
 
     def _note_webhook(self, name: str, ok: bool, reason: str, t: float) -> None:
@@ -216,6 +219,10 @@ class Service:
 
     async def reload(self) -> None:
         """Reload the scene and the rules; if they are not valid, nothing changes."""
+        async with self._reloading:  # one at a time: each stops what runs, and starts it anew
+            await self._reload()
+
+    async def _reload(self) -> None:
         at = datetime.now(UTC).isoformat(timespec="milliseconds")
         try:
             scene = await asyncio.to_thread(load_scene, self._settings)

@@ -1,7 +1,10 @@
 """Decisions of the rules: a level begins or ends."""
 
-from dataclasses import asdict, dataclass
-from typing import Any, Literal
+import math
+from dataclasses import asdict, dataclass, replace
+from typing import Any, Literal, Self
+
+from contactsense.types import Contact
 
 LevelName = Literal["contact", "collision"]
 
@@ -34,6 +37,20 @@ class Decision:
     """Force on the robot, base axes [N]."""
     force: float = 0.0
     """Magnitude of the force [N]."""
+
+    def with_contact(self, contact: Contact) -> Self:
+        """Return the decision with link, place and force of this explanation."""
+        force = contact.force_base.tolist()
+        return replace(
+            self,
+            contact=contact.id,
+            link=contact.link,
+            link_index=contact.link_index,
+            point=tuple(contact.point.tolist()),
+            point_base=tuple(contact.point_base.tolist()),
+            force_base=tuple(force),
+            force=math.hypot(*force),
+        )
 
     def as_dict(self) -> dict[str, Any]:
         """Return the decision as a dictionary for JSON."""

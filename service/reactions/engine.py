@@ -162,11 +162,20 @@ class Engine:
         self._windows[name] = _Window(self._expected[name], self._window_links[name], opened)
         return True
 
-    def withdraw(self, name: str | None = None) -> None:
-        """Close one window, or all."""
-        for open_name in list(self._windows):
-            if name in (None, open_name):
-                del self._windows[open_name]
+    def withdraw(self, name: str | None = None) -> tuple[str, ...]:
+        """Close one window, or all; returns the names of those that were open."""
+        closed = tuple(open_name for open_name in self._windows if name in (None, open_name))
+        for open_name in closed:
+            del self._windows[open_name]
+        return closed
+
+    def updated(self, decision: Decision, estimate: Estimate) -> Decision:
+        """Return a decision with place and force of the estimate: of the most probable explanation of its
+        contact on the rule's links. Unchanged if there is none, as when the contact has ended."""
+        links = self._links.get(decision.rule, frozenset())
+        explanations = (c for c in estimate.contacts if c.id == decision.contact and c.link in links)
+        contact = max(explanations, key=lambda c: c.probability, default=None)
+        return decision if contact is None else decision.with_contact(contact)
 
     def by_value(self, value: int) -> str | None:
         """Return the name of the expected contact that a robot program announces with this value."""
@@ -182,8 +191,8 @@ class Engine:
         holds = rule.condition == "any" or (rule.condition == "moving") == moving
         if degraded and rule.on_degraded == "ignore":
             holds = False
-        force = level.force * (level.release if state.active else 1.0)
-        evidence = self._evidence(rule, force, sample, estimate) if holds else _Evidence()
+        release = level.release if state.active else 1.0
+        evidence = self._evidence(rule, level.force, release, sample, estimate) if holds else _Evidence()
         above = evidence.probability >= level.probability
         if state.active:
             if not above and state.name == "contact":
@@ -201,29 +210,13 @@ class Engine:
         return state.begin
 
     def _begin(self, state: _LevelState, estimate: Estimate, evidence: _Evidence) -> Decision:
-        contact, actions = evidence.contact, state.level.actions
-        if contact is None:
-            force = estimate.wrench[:3].tolist()
-            return Decision(
-                state.rule.name, state.name, "begin", actions, estimate.t, evidence.probability,
-                force_base=tuple(force), force=math.hypot(*force),
-            )  # fmt: skip
-        force = contact.force_base.tolist()
-        return Decision(
-            state.rule.name,
-            state.name,
-            "begin",
-            actions,
-            estimate.t,
-            evidence.probability,
-            contact.id,
-            contact.link,
-            contact.link_index,
-            tuple(contact.point.tolist()),
-            tuple(contact.point_base.tolist()),
-            tuple(force),
-            math.hypot(*force),
+        begin = Decision(
+            state.rule.name, state.name, "begin", state.level.actions, estimate.t, evidence.probability
         )
+        if evidence.contact is not None:
+            return begin.with_contact(evidence.contact)
+        force = estimate.wrench[:3].tolist()
+        return replace(begin, force_base=tuple(force), force=math.hypot(*force))
 
     @staticmethod
     def _end(state: _LevelState, t: float) -> Decision:
@@ -235,21 +228,24 @@ class Engine:
             begin.link_index,
         )  # fmt: skip
 
-    def _evidence(self, rule: Rule, force: float, sample: Sample, estimate: Estimate) -> _Evidence:
+    def _evidence(
+        self, rule: Rule, force: float, release: float, sample: Sample, estimate: Estimate
+    ) -> _Evidence:
+        """Evidence that a force exceeds a level [N], of which an active one needs the fraction `release`."""
         links, covariance = self._links[rule.name], estimate.covariance[:3, :3].tolist()
         several = estimate.status == "multiple"
         evidence = _Evidence()
         for contact in estimate.contacts:
             if contact.link not in links or not self._within(rule.direction, contact, sample):
                 continue
-            level = self._raised(contact, force)
+            level = release * self._raised(contact, force)
             share = contact.probability * exceedance(contact.force_base.tolist(), covariance, level)
             total = evidence.probability
             evidence.probability = max(total, share) if several else min(1.0, total + share)
             if share > evidence.share:
                 evidence.share, evidence.contact = share, contact
         if self._all_links[rule.name] and estimate.other > 0.0:
-            self._add_unexplained(evidence, rule, force, estimate, covariance)
+            self._add_unexplained(evidence, rule, release * force, estimate, covariance)
         return evidence
 
     @staticmethod

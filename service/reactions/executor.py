@@ -36,18 +36,22 @@ def _report(action: str, ok: bool, reason: str, took: float, task: Task) -> None
 def _work(name: str, action: ExecutedAction, host: str, waiting: "queue.Queue[dict[str, Any]]") -> None:
     try:
         action.prepare(host)
-    except ActionError as error:
-        _report(name, False, str(error), 0.0, "none")
+    except Exception as error:
+        _report(name, False, _reason(error), 0.0, "none")
     while True:
         decision = waiting.get()
         begin = time.monotonic()
         try:
             reason, ok = action.perform(decision, host), True
-        except ActionError as error:
-            reason, ok = str(error), False
         except Exception as error:
-            reason, ok = f"{type(error).__name__}: {error}", False
+            reason, ok = _reason(error), False
         _report(name, ok, reason, time.monotonic() - begin, "oldest")
+
+
+def _reason(error: Exception) -> str:
+    """Why an action failed. What it does not foresee must not end its thread: later decisions would wait for
+    ever."""
+    return str(error) if isinstance(error, ActionError) else f"{type(error).__name__}: {error}"
 
 
 def main() -> None:

@@ -3,7 +3,6 @@ Passes webhooks to the service and all other actions to the executor's process."
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any, TypeVar
 
 from contactsense.scene import Scene
@@ -69,10 +68,9 @@ class ReactionListener:
         if decisions:
             self._select()
         if self._decision is not None:
-            self._decision = _updated(self._decision, estimate)
+            self._decision = self._engine.updated(self._decision, estimate)
         if decisions or self._decision is not None:
-            self._write()
-            self._carry_out(decisions)
+            self._carry_out(decisions, self._write())
         if self._slider is not None:
             self._tell_of_slider(self._slider.watch(estimate, self._lowers_slider))
         if decisions or self._lowered != self._reported_lowered:
@@ -150,8 +148,7 @@ class ReactionListener:
             )  # fmt: skip
         if decisions:
             self._select()
-            self._write()
-            self._carry_out(decisions)
+            self._carry_out(decisions, self._write())
 
     def announce(self, name: str) -> None:
         """Open the window of an expected contact."""
@@ -160,8 +157,7 @@ class ReactionListener:
 
     def withdraw(self, name: str | None) -> None:
         """Close windows of expected contacts."""
-        if self._engine.windows:
-            self._engine.withdraw(name)
+        if self._engine.withdraw(name):
             self._report_event(ContactEvent(kind="expected", t=self._t, reason=f"{name or 'all'}: closed"))
 
     def close(self) -> None:
@@ -189,15 +185,17 @@ class ReactionListener:
         shown = [d for d in self._engine.active if self._registers_name in d.actions]
         self._decision = max(shown, key=lambda d: (d.level == "collision", d.t), default=None)
 
-    def _write(self) -> None:
+    def _write(self) -> bool:
+        """Write the registers; returns False if that is not possible now."""
         if self._registers is None or self._inputs is None or not self._restored:
-            return
+            return False
         self._beat = not self._beat
         values = self._registers.values(self._decision, self._t or 0.0, self._beat, self._degraded)
-        self._inputs.write("registers", values)
         self._last_write = self._now
+        return self._inputs.write("registers", values)
 
-    def _carry_out(self, decisions: Sequence[Decision]) -> None:
+    def _carry_out(self, decisions: Sequence[Decision], written: bool) -> None:
+        """Report the decisions and start their actions; `written`: whether the registers show them."""
         for decision in decisions:
             begins = decision.kind == "begin"
             if begins and decision.level == "collision":
@@ -210,15 +208,14 @@ class ReactionListener:
                     )
                 )  # fmt: skip
             for name in decision.actions:
-                self._act(name, decision, begins)
+                self._act(name, decision, begins, written)
 
-    def _act(self, name: str, decision: Decision, begins: bool) -> None:
+    def _act(self, name: str, decision: Decision, begins: bool, written: bool) -> None:
         action = self._rules.actions[name]
         if isinstance(action, RegistersAction):
             if begins:
-                ready = self._inputs is not None and "registers" not in self._inputs.refused
                 self._health[name].started += 1
-                self._note(name, ready and self._health[name].state != "failing", self._health[name].error)
+                self._note(name, written, "" if written else self._health[name].error or "not connected")
         elif isinstance(action, SpeedSliderAction):
             self._move_slider(begins)
         elif begins and isinstance(action, WebhookAction):
@@ -334,23 +331,6 @@ class ReactionListener:
 
 def _only(rules: ReactionRules, kind: type[_A]) -> tuple[_A | None, str]:
     return next(((a, n) for n, a in rules.actions.items() if isinstance(a, kind)), (None, ""))
-
-
-def _updated(decision: Decision, estimate: Estimate) -> Decision:
-    """Update force and point of a decision from the estimate; unchanged if its contact has ended."""
-    contact = next((c for c in estimate.contacts if c.id == decision.contact), None)
-    if contact is None:
-        return decision
-    force = contact.force_base.tolist()
-    return replace(
-        decision,
-        link=contact.link,
-        link_index=contact.link_index,
-        point=tuple(contact.point.tolist()),
-        point_base=tuple(contact.point_base.tolist()),
-        force_base=tuple(force),
-        force=sum(x * x for x in force) ** 0.5,
-    )
 
 
 def _tupled(value: Any) -> Any:

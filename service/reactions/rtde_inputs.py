@@ -7,9 +7,10 @@ or not at all. A lost connection and a recipe that another client holds are retr
 import errno
 import os
 import socket
-import threading
 from collections.abc import Mapping, Sequence
 
+from contactsense.service.sensors.host_names import HostName
+from contactsense.service.sensors.robot_stream import SensorError
 from contactsense.service.wire import rtde as wire
 
 _RETRY = 1.0
@@ -25,7 +26,7 @@ class RtdeInputs:
     """Writes to a controller's RTDE inputs.
 
     Args:
-        host: Address of the controller; a host name is resolved in a thread.
+        host: Address or name of the controller. A name is looked up again after each failure.
         port: Its RTDE port.
         recipes: Name of a recipe -> RTDE inputs that are written together.
         outputs: RTDE outputs that are read.
@@ -34,9 +35,7 @@ class RtdeInputs:
     def __init__(
         self, host: str, port: int, recipes: Mapping[str, Sequence[str]], outputs: Sequence[str] = ()
     ) -> None:
-        self._host, self._port = host, port
-        self._address: str | None = None
-        self._resolver: threading.Thread | None = None
+        self._host, self._port = HostName(host), port
         self._recipes = {name: tuple(fields) for name, fields in recipes.items()}
         self._outputs = ("timestamp", *outputs)
         self._frequency = 125.0 if outputs else 10.0
@@ -55,8 +54,6 @@ class RtdeInputs:
         """Name of a recipe that cannot be written -> why."""
         self.values: dict[str, wire.Number] = {}
         """Output field -> its latest value in this connection."""
-        self.writes = 0
-        """Number of packets written."""
 
     @property
     def ready(self) -> bool:
@@ -84,7 +81,7 @@ class RtdeInputs:
                 for name in self.refused:
                     self._asked.append(name)
                     self._send(wire.encode(wire.InputSetup(self._recipes[name])))
-        except (OSError, wire.RtdeProtocolError) as error:
+        except (OSError, SensorError, wire.RtdeProtocolError) as error:
             self._fail(now, str(error.strerror or error) if isinstance(error, OSError) else str(error))
 
     def write(self, name: str, values: Sequence[wire.Number]) -> bool:
@@ -97,7 +94,6 @@ class RtdeInputs:
         except OSError as error:
             self._fail(self._heard, error.strerror or str(error))
             return False
-        self.writes += 1
         return True
 
     def close(self) -> None:
@@ -110,29 +106,17 @@ class RtdeInputs:
         # The next connection asks for all recipes.
         self.refused, self._ask_again_at = {}, float("inf")
 
-    def _resolve(self) -> None:
-        try:
-            self._address = socket.gethostbyname(self._host)
-        except OSError as error:
-            self._describe(f"its name cannot be looked up: {error.strerror}")
-
     def _connect(self, now: float) -> None:
+        address = self._host.address()
+        if address is None:  # it is still being looked up
+            return
         self._retry_at = now + _RETRY
-        try:
-            socket.inet_aton(self._host)
-            self._address = self._host
-        except OSError:
-            if self._address is None:
-                if self._resolver is None or not self._resolver.is_alive():
-                    self._resolver = threading.Thread(target=self._resolve, daemon=True)
-                    self._resolver.start()
-                return
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         self._socket.setblocking(False)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._heard = now
         self._decoder = wire.FrameDecoder()
-        code = self._socket.connect_ex((self._address, self._port))
+        code = self._socket.connect_ex((address, self._port))
         if code not in (0, errno.EINPROGRESS):
             raise OSError(code, "cannot be reached: " + os.strerror(code))
 
@@ -211,11 +195,9 @@ class RtdeInputs:
 
     def _fail(self, now: float, reason: str) -> None:
         self.close()
-        self._describe(reason)
+        self._host.forget()  # the controller may have another address now
+        self.error = f"RTDE inputs of the robot at {self._host.host}:{self._port}: {reason}"
         self._retry_at = now + _RETRY
-
-    def _describe(self, reason: str) -> None:
-        self.error = f"RTDE inputs of the robot at {self._host}:{self._port}: {reason}"
 
 
 def _advice(error: wire.RtdeFieldError) -> str:

@@ -209,12 +209,13 @@ class Reactions:
         return self._send({"type": "acknowledge", "rule": rule, "by": by})
 
     def announce(self, name: str) -> bool:
-        """Open the window of an expected contact; returns False if the rules have none of that name."""
+        """Open the window of an expected contact; returns False if the rules have none of that name, or no
+        pipeline runs."""
         known = self.rules is not None and any(window.name == name for window in self.rules.expected)
         return known and self._send({"type": "announce", "name": name})
 
     def withdraw(self, name: str | None = None) -> bool:
-        """Close the window of one expected contact, or all windows."""
+        """Close the window of one expected contact, or all windows; returns False if no pipeline runs."""
         return self._send({"type": "withdraw", "name": name})
 
     async def request(self, command: dict[str, Any]) -> bool:

@@ -11,10 +11,12 @@ import urllib.request
 import uuid
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
+from functools import partial
 from http.client import HTTPException
 from typing import Any
 
 from contactsense.service.events.journal import Journal
+from contactsense.service.live.supervision import Supervised
 from contactsense.service.reactions.actions.base import ActionError
 from contactsense.service.reactions.actions.webhook import WebhookAction, sign
 
@@ -57,18 +59,26 @@ class WebhookDelivery:
         self._journal, self._webhooks, self._on_result = journal, dict(webhooks), on_result
         self._delays = tuple(delays)
         self._news = {name: asyncio.Event() for name in webhooks}
-        self._tasks: list[asyncio.Task[None]] = []
+        self._tasks: list[Supervised] = []
         self._opener = urllib.request.build_opener(_NoRedirect)
 
     def start(self) -> None:
         """Start the deliveries."""
-        self._tasks = [asyncio.create_task(self._deliver(name)) for name in self._webhooks]
+        self._tasks = [
+            Supervised(f"deliveries of webhook {name}", partial(self._deliver, name))
+            for name in self._webhooks
+        ]
+        for task in self._tasks:
+            task.start()
+
+    @property
+    def error(self) -> str:
+        """Why deliveries are interrupted, such as a journal that cannot be read; empty if they are not."""
+        return "; ".join(f"{task.name}: {task.error}" for task in self._tasks if task.error)
 
     async def stop(self) -> None:
         """Stop; waiting deliveries stay in the journal."""
-        for task in self._tasks:
-            task.cancel()
-        await asyncio.gather(*self._tasks, return_exceptions=True)
+        await asyncio.gather(*(task.stop() for task in self._tasks))
 
     async def replace(self, webhooks: Mapping[str, WebhookAction]) -> None:
         """Replace the webhooks; deliveries for a removed webhook stay in the journal."""
@@ -98,14 +108,6 @@ class WebhookDelivery:
             return
         if name in self._news:  # a reload may have removed it
             self._news[name].set()
-
-    def waiting(self, name: str) -> int:
-        """Number of waiting deliveries."""
-        with self._journal.lock:
-            row = self._journal.database.execute(
-                "SELECT count(*) FROM deliveries WHERE action = ?", (name,)
-            ).fetchone()
-        return int(row[0])
 
     def disabled(self, name: str) -> str:
         """Why the webhook is disabled; empty if it is not."""

@@ -3,7 +3,6 @@
 import select
 import subprocess
 import sys
-import time
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, PrivateAttr
@@ -28,7 +27,7 @@ class UrRtdeStopAction(ExecutedAction):
     _child: "subprocess.Popen[str] | None" = PrivateAttr(None)
 
     def prepare(self, host: str) -> None:
-        """Start the child and connect."""
+        """Start the child and connect; see `ExecutedAction.prepare`."""
         if self._child is not None and self._child.poll() is None:
             return
         self.close()
@@ -58,8 +57,7 @@ class UrRtdeStopAction(ExecutedAction):
     def _expect(self, word: str) -> None:
         assert self._child is not None
         assert self._child.stdout is not None
-        deadline = time.monotonic() + self.timeout
-        if not select.select([self._child.stdout], [], [], deadline - time.monotonic())[0]:
+        if not select.select([self._child.stdout], [], [], self.timeout)[0]:
             self.close()
             raise ActionError(f"ur_rtde: not {word} within {self.timeout:g} s; its process was killed")
         line = self._child.stdout.readline().strip()

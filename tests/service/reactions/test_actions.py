@@ -240,6 +240,11 @@ def test_the_signature_is_that_of_standard_webhooks() -> None:
     assert signature == "v1,g0hM9SsE+OTPJTGt/tmIKtSyZlE3uFJELVlNIOLJ1OE="
 
 
+def test_a_secret_with_other_letters_is_refused_by_its_field() -> None:
+    with pytest.raises(ValueError, match="secret: expected whsec_"):
+        decode_secret("whsec_" + 31 * "A" + "\u00e4")
+
+
 def test_a_secret_has_a_length() -> None:
     with pytest.raises(ValueError, match="24 to 64 bytes"):
         decode_secret("whsec_" + base64.b64encode(b"short").decode())

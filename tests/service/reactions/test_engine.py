@@ -237,6 +237,34 @@ def test_an_expected_contact_has_a_higher_level(more: dict[str, Any], touched: C
     assert bool(run(machine, estimate(0.5, touched))) == fires
 
 
+def test_an_active_level_keeps_its_hysteresis_in_a_window() -> None:
+    level = {"force": 20.0, "release": 0.8}
+    window = {"name": "w", "links": ["forearm"], "force": 60.0}
+    machine = engine(rule(collision=None, contact=level), expected=[window])
+    assert machine.announce("w")
+    forces = [65.0, 55.0, 65.0, 52.0, 44.0]  # begins above 60 N, ends below 48 N
+    found = run(machine, *(estimate(i * STEP, contact(newtons=newtons)) for i, newtons in enumerate(forces)))
+    assert [kind for _, _, kind in found] == ["begin", "end"]
+    assert found[-1][0] == 4 * STEP
+
+
+def test_a_decision_is_updated_by_the_explanation_on_its_rules_links() -> None:
+    machine = engine(rule())
+    (begin,) = machine.step(sample(0.0), estimate(0.0, contact(newtons=60.0)))
+    other = contact("upper_arm", newtons=80.0, probability=0.6)
+    updated = machine.updated(begin, estimate(0.1, other, contact(newtons=70.0, probability=0.4)))
+    assert (updated.link, updated.force) == ("forearm", 70.0)
+    assert machine.updated(begin, estimate(0.1, other)) == begin
+
+
+def test_only_a_window_that_is_open_closes() -> None:
+    windows = [{"name": name, "links": ["forearm"], "force": 60.0} for name in ("a", "b")]
+    machine = engine(rule(), expected=windows)
+    machine.announce("a")
+    assert machine.withdraw("b") == ()
+    assert machine.withdraw() == ("a",)
+
+
 def test_windows_close() -> None:
     machine = engine(rule(), expected=[EXPECTED])
     assert not machine.announce("remove")

@@ -2,6 +2,8 @@
 
 import json
 import os
+import queue
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from contactsense.service.reactions import executor
 from contactsense.service.reactions.actions.command import CommandAction
 from contactsense.service.reactions.executor_client import ExecutorClient
 from tests.service.loopback import until
@@ -90,6 +93,23 @@ def test_an_executor_that_hangs_is_told() -> None:
         assert "hangs: no result after 1.1 s" in result["reason"]
     finally:
         client.close()
+
+
+def test_a_preparation_that_fails_ends_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Fails(CommandAction):
+        def prepare(self, host: str) -> None:
+            raise OSError(11, "Resource temporarily unavailable")
+
+    reported: list[tuple[bool, str]] = []
+    monkeypatch.setattr(executor, "_report", lambda _, ok, reason, *__: reported.append((ok, reason)))
+    waiting: queue.Queue[dict[str, Any]] = queue.Queue()
+    action = Fails(type="command", command=("true",), timeout=30.0)
+    threading.Thread(target=executor._work, args=("a", action, HOST, waiting), daemon=True).start()
+    waiting.put(TOLD)
+    assert until(lambda: len(reported) == 2)
+    assert reported[0][0] is False
+    assert "Resource temporarily unavailable" in reported[0][1]
+    assert reported[1][0]
 
 
 class ScriptedExecutor:

@@ -7,9 +7,11 @@ from typing import Any
 
 import pytest
 
+from contactsense.service.reactions.listener import ReactionListener
 from contactsense.service.reactions.rtde_inputs import RtdeInputs
+from contactsense.service.reactions.rules import ReactionRules
 from tests.service.loopback import rtde_server
-from tests.service.reactions.estimates import contact, estimate
+from tests.service.reactions.estimates import SCENE, contact, estimate, sample
 from tests.service.reactions.listener_play import RULES, Play, poll_until
 
 
@@ -207,6 +209,42 @@ def test_a_mute_controller_blocks_nobody() -> None:
             inputs.poll(now)
             now += 0.01
         assert "no answer in time" in inputs.error
+        inputs.close()
+
+
+def test_registers_that_are_not_written_are_not_told_to_be() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as mute:
+        port = mute.getsockname()[1]
+        rules = ReactionRules.model_validate({**RULES, "robot": {"rtde_port": port}})
+        listener = ReactionListener(rules, SCENE, "127.0.0.1")
+        try:
+            listener.command({"type": "restore", "decisions": []})
+            listener.receive(sample(0.0), estimate(0.0, contact(newtons=20.0)))
+            events = [report["event"] for report in listener.take_reports() if report["type"] == "event"]
+            assert ("tell", "failed: not connected") in [(e["action"], e["reason"]) for e in events]
+        finally:
+            listener.close()
+
+
+@pytest.mark.parametrize("host", ["robot.invalid", 64 * "a" + ".invalid"])
+def test_a_name_that_cannot_be_resolved_is_told(host: str) -> None:
+    inputs = RtdeInputs(host, 30004, {"a": ["input_int_register_47"]})
+    poll_until(inputs, lambda: bool(inputs.error))
+    assert f"RTDE inputs of the robot at {host}:30004: the name {host} cannot be resolved" in inputs.error
+
+
+def test_a_controller_that_has_moved_is_found_by_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    address = "127.0.0.2"
+
+    def look_up(*_: Any) -> list[tuple[int, int, int, str, tuple[str, int]]]:
+        return [(socket.AF_INET, socket.SOCK_STREAM, 0, "", (address, 0))]
+
+    with rtde_server() as server:
+        monkeypatch.setattr(socket, "getaddrinfo", look_up)
+        inputs = RtdeInputs("robot", server.port, {"a": ["input_int_register_47"]})
+        poll_until(inputs, lambda: "Connection refused" in inputs.error)
+        address = "127.0.0.1"
+        poll_until(inputs, lambda: inputs.can_write("a"))
         inputs.close()
 
 

@@ -94,10 +94,17 @@ def deliver(
     return told
 
 
+def waiting(journal: Journal) -> int:
+    """Number of deliveries in the outbox."""
+    with journal.lock:
+        (number,) = journal.database.execute("SELECT count(*) FROM deliveries").fetchone()
+    return int(number)
+
+
 def test_a_delivery_is_signed() -> None:
     with receiver(204) as server, Journal() as journal:
         told = deliver(
-            journal, hook(server.server_port), 1, lambda d, t: d.waiting("hook") == 0 and len(t) == 1
+            journal, hook(server.server_port), 1, lambda d, t: waiting(journal) == 0 and len(t) == 1
         )
         ((headers, body),) = server.heard
     assert told == [(True, "answered 204")]
@@ -121,7 +128,7 @@ def test_it_is_retried_with_the_same_id() -> None:
 def test_it_is_given_up_in_the_end_and_a_redirection_is_no_success() -> None:
     with receiver(307) as server, Journal() as journal:
         told = deliver(
-            journal, hook(server.server_port), 1, lambda d, t: d.waiting("hook") == 0 and len(t) == 3
+            journal, hook(server.server_port), 1, lambda d, t: waiting(journal) == 0 and len(t) == 3
         )
         assert all(not ok for ok, _ in told)
         assert "given up after 3 attempts" in told[-1][1]
@@ -164,7 +171,7 @@ def test_on_a_full_disk_a_webhook_is_told_to_be_lost(tmp_path: Path) -> None:
         )
         for _ in range(10):
             delivery.enqueue("hook", {**DECISION, "link": "x" * 2000})
-        assert delivery.waiting("hook") < 10
+        assert waiting(journal) < 10
     assert (False, "lost, as the journal cannot be written: database or disk is full") in told
 
 
@@ -194,12 +201,37 @@ def test_on_a_full_disk_nothing_is_posted_twice(tmp_path: Path) -> None:
         assert (len(server.heard), told) == (1, [True])
 
 
+def test_a_journal_that_cannot_be_read_interrupts_deliveries_and_ends_none(tmp_path: Path) -> None:
+    told: list[bool] = []
+    with receiver(200) as server, Journal(JournalSettings(path=tmp_path / "j.db")) as journal:
+
+        async def scenario() -> None:
+            webhooks = {"hook": hook(server.server_port)}
+            delivery = WebhookDelivery(journal, webhooks, lambda _, ok, reason, t: told.append(ok), (0.0,))
+            delivery.enqueue("hook", DECISION)
+            journal.database.execute("ALTER TABLE disabled RENAME TO away")
+            delivery.start()
+            async with asyncio.timeout(20):
+                while not delivery.error:
+                    await asyncio.sleep(0.01)
+                assert delivery.error.startswith(
+                    "deliveries of webhook hook: OperationalError: no such table"
+                )
+                journal.database.execute("ALTER TABLE away RENAME TO disabled")
+                while not told:
+                    await asyncio.sleep(0.01)
+            await delivery.stop()
+
+        asyncio.run(scenario())
+    assert told == [True]
+
+
 @pytest.mark.parametrize("url", ["http://127.0.0.1:1/stö\u00dfe", "http://[::1/hook", "http://a..b/hook"])
 def test_a_url_that_cannot_be_requested_is_reported_and_stops_nothing(url: str) -> None:
     """It fails as one that nobody answers does, and the deliveries after it have their turn."""
     webhook = WebhookAction(type="webhook", url=url, secret=SECRET, timeout=5.0)
     with Journal() as journal:
-        told = deliver(journal, webhook, 2, lambda d, t: d.waiting("hook") == 0 and len(t) == 6)
+        told = deliver(journal, webhook, 2, lambda d, t: waiting(journal) == 0 and len(t) == 6)
     assert not any(ok for ok, _ in told)
     assert all(reason.startswith(f"{url}: ") for _, reason in told)
 
