@@ -167,7 +167,7 @@ class AnalysisRun:
     residuals: ResidualStatistics
     """Residual statistics of the last recording."""
     extent: Extent
-    """The same."""
+    """What has been processed of it."""
     biases: tuple[np.ndarray, np.ndarray]
     """The localizer's estimates of the biases of base wrench (6,) and joint torques (n,) at its end."""
 

@@ -75,9 +75,10 @@ class ContactHistory:
         return _taken(self, max(touched, key=lambda stretch: float(self.energy[stretch].sum())))
 
     def without_outages(self) -> "ContactHistory":
-        """Without the samples that lack the base sensor, if most have it: the force that joint torques alone
-        make most probable may be several times the true one."""
-        if self.usable.all() or 2 * np.count_nonzero(self.usable) <= len(self.usable):
+        """Without the samples that lack the base sensor, if most of the touched ones have it: the force that
+        joint torques alone make most probable may be several times the true one."""
+        on = self.phase != NONE
+        if self.usable.all() or 2 * np.count_nonzero(self.usable & on) <= np.count_nonzero(on):
             return self
         return _taken(self, np.flatnonzero(self.usable))
 

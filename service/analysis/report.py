@@ -10,7 +10,7 @@ import jinja2
 import numpy as np
 from markupsafe import Markup
 
-from contactsense.detection.thresholds import sensor_set, stream_thresholds
+from contactsense.detection.thresholds import sensor_set, stream_thresholds, threshold_index
 from contactsense.scene import Scene
 from contactsense.service.analysis.analysis import Analysis
 from contactsense.service.analysis.assumptions import assumptions
@@ -218,8 +218,8 @@ def _threshold(scene: Scene, analysis: Analysis) -> float:
     """Energy at which a contact begins when all sensors of the scene have a value."""
     links = (1 << len(scene.link_sensors)) - 1
     chosen = sensor_set(scene.base_wrench is not None, scene.joint_torque is not None, links)
-    step = round(1e3 * analysis.duration / max(analysis.samples - 1, 1))
-    return float(stream_thresholds(scene)[chosen, min(max(step, 1), 20) - 1, 0])
+    step = analysis.duration / max(analysis.samples - 1, 1)
+    return float(stream_thresholds(scene)[chosen, threshold_index(step), 0])
 
 
 def _views(analysis: Analysis, chosen: set[int]) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from contactsense.scene_model.skin_grids import skin_of
 from contactsense.service.analysis.contact_history import ContactHistory
 from contactsense.service.analysis.contact_windows import ContactWindows, contact_windows
 from contactsense.service.analysis.curved_regions import curvature_covariance
+from contactsense.service.analysis.goodness_of_fit import is_good_fit
 from contactsense.service.analysis.link_windows import link_windows
 from contactsense.service.analysis.path_arrays import WindowSums
 from contactsense.service.analysis.place_accessibility import log_accessible_share
@@ -38,9 +39,6 @@ TRACK = 4
 """Number of live estimates from which the search for a moving path starts."""
 LEAST_PROBABILITY = 0.01
 """Links that are less probable than this in the live estimates of the contact's second half are left out."""
-MISFIT = 6.0
-"""An explanation fits if the squared residuals exceed their expectation by less than this many standard
-deviations."""
 HOPELESS = 200.0
 """Explanations whose energy exceeds that of the best one by this much are dropped."""
 
@@ -256,7 +254,7 @@ class ContactSmoother:
 def _fits(place: Place) -> bool:
     """Whether one contact at that place explains all windows; it does not if there were two successive
     contacts."""
-    return bool(2.0 * place.energy < place.freedom + MISFIT * np.sqrt(2.0 * place.freedom))
+    return is_good_fit(2.0 * place.energy, place.freedom)
 
 
 def _mixture(paths: list[Place]) -> Place:

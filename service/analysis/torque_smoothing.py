@@ -28,15 +28,13 @@ from contactsense.kinematics.model import Model, empty_motion
 from contactsense.residuals.momentum_observer import noise_variance_ratio
 from contactsense.service.analysis.contact_history import ContactHistory
 from contactsense.service.analysis.contact_windows import ContactWindows
+from contactsense.service.analysis.goodness_of_fit import is_good_fit
 from contactsense.service.analysis.link_changes import log_odds_of_one_link
 from contactsense.service.analysis.place_search import Place
 from contactsense.service.analysis.smoothed_contact import SmoothedContact, ranked
 
 LARGEST_TURN = 0.15
 """Maximum rotation of a joint within a stretch [rad]."""
-MISFIT = 6.0
-"""Readings agree if the squared residuals exceed their expectation by less than this many standard
-deviations."""
 MODEL_ERROR = 0.1
 """Part of the torques that one contact may leave unexplained, as the arm turns within a stretch."""
 NEGLIGIBLE = 1e-12
@@ -109,7 +107,7 @@ class TorqueSmoother:
 
     def _with_onset(self, history: ContactHistory, windows: ContactWindows) -> ContactWindows:
         """The windows, preceded by the residual at which the contact was detected: that is the low-passed
-        torque before, with the noise of the low-pass. Of a short impact it is most that is known."""
+        torque before, with the noise of the low-pass. Of a short impact it is most of what is known."""
         gain = self._noise_ratio(history)
         return replace(
             windows,
@@ -166,8 +164,7 @@ class TorqueSmoother:
         torque = self._motion.screw @ np.concatenate((contact.force_base, moment))
         torque[int(self._constants.sensors.depth[contact.link_index]) :] = 0.0
         square, size = (float(np.sum(v**2 / variance)) for v in (reading - torque, reading))
-        expected = len(reading) + MISFIT * np.sqrt(2.0 * len(reading))
-        return bool(square <= expected + MODEL_ERROR**2 * size)
+        return is_good_fit(square, len(reading), MODEL_ERROR**2 * size)
 
     def _places(
         self, link: int, evidence: float, stretches: list[_Stretch], windows: ContactWindows
@@ -222,7 +219,7 @@ def _followed(link: int, evidence: float, path: list[_Candidate], nearest: np.nd
     away = points - mean
     square = float(np.einsum("si,sij,sj->", away, information, away))
     freedom = 3.0 * (len(path) - 1)
-    fixed = square <= freedom + MISFIT * math.sqrt(2.0 * freedom)
+    fixed = is_good_fit(square, freedom)
     point, normal, force, covariance = (
         np.array([getattr(candidate, name) for candidate in path])[nearest]
         for name in ("point", "normal", "force", "covariance")
@@ -246,4 +243,4 @@ def _magnitudes(torque: np.ndarray, samples: np.ndarray) -> tuple[np.ndarray, bo
     scale *= np.copysign(1.0, scale.sum()) / max(float(np.sqrt(np.mean(scale**2))), 1e-12)
     freedom = float((len(torque) - 1) * (torque.shape[1] - 1))
     square = float(np.sum(values[1:] ** 2))
-    return scale, square <= freedom + MISFIT * np.sqrt(2.0 * freedom)
+    return scale, is_good_fit(square, freedom)

@@ -128,8 +128,8 @@ def _analyze(recording: Recording, segment: Segment, run: AnalysisRun) -> tuple[
         "joint_ratio": found.joint_ratio.tolist(),
         "base_bias": base.tolist() if recording.base_wrench is not None else [None] * len(base),
         "joint_bias": torque.tolist() if recording.joint_torque is not None else [None] * len(torque),
-        "joint_constant": _plain(change.bias),
-        **{name: _plain(getattr(change, name)) for name in FRICTION},
+        "joint_constant": without_nan(change.bias),
+        **{name: without_nan(getattr(change, name)) for name in FRICTION},
     }
     table = contact_table(contacts)
     names = pa.array([segment.file.name] * table.num_rows, pa.string())
@@ -142,6 +142,6 @@ def _without_gaps(step: np.ndarray) -> float:
     return float(step[step <= max(LONGEST_FIRST_STEP, GAP_STEPS * usual)].sum())
 
 
-def _plain(values: np.ndarray) -> list[float | None]:
-    """Values for JSON, which has no NaN."""
+def without_nan(values: np.ndarray) -> list[float | None]:
+    """Values for JSON and tables: None in place of NaN."""
     return [float(x) if np.isfinite(x) else None for x in values]

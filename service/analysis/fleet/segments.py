@@ -7,8 +7,9 @@ its end.
 """
 
 import hashlib
+import os
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pyarrow as pa
@@ -74,7 +75,10 @@ class Segment:
 
 
 def find_recordings(paths: tuple[Path, ...], out: Path | None = None) -> list[DatasetFile]:
-    """All recordings among files and below folders, sorted by name.
+    """All recordings among files and below folders, each once; those below a folder are sorted by name.
+
+    A name is the path below the folder that was given, or, if two would have the same name, below the folder
+    that is common to all.
 
     Args:
         paths: Files and folders.
@@ -96,7 +100,11 @@ def find_recordings(paths: tuple[Path, ...], out: Path | None = None) -> list[Da
         raise FileNotFoundError(
             f"{', '.join(map(str, paths))}: expected recordings ({', '.join(SUFFIXES)}), found none"
         )
-    return found
+    files = list({file.path: file for file in found}.values())
+    if len({file.name for file in files}) == len(files):
+        return files
+    shared = os.path.commonpath([file.path for file in files])
+    return [replace(file, name=file.path.relative_to(shared).as_posix()) for file in files]
 
 
 def _is_result(path: Path, out: Path) -> bool:

@@ -15,7 +15,7 @@ import pyarrow.parquet as pa_parquet
 from contactsense.scene import Scene
 from contactsense.service.analysis.contact_table import SCHEMA
 from contactsense.service.analysis.fleet.drift import Daily, daily_mean, daily_median
-from contactsense.service.analysis.fleet.segment_task import FRICTION, SegmentTask, part_path
+from contactsense.service.analysis.fleet.segment_task import FRICTION, SegmentTask, part_path, without_nan
 from contactsense.service.analysis.health import TOO_LARGE
 from contactsense.service.recordings.parquet_files import write_parquet
 
@@ -145,8 +145,8 @@ def summarize(
     robots: dict[str, RobotSummary] = {}
     problems: list[str] = []
     tables: list[pa.Table] = []
-    seen: dict[str, int] = defaultdict(int)
-    over: dict[str, int] = defaultdict(int)
+    seen: dict[str, int] = defaultdict(int)  # contacts so far, by recording
+    over: dict[str, int] = defaultdict(int)  # row at which the latest of them has ended
     skipped = set()
     judged: dict[str, bool] = {}
     for task, result in zip(tasks, results, strict=True):
@@ -226,10 +226,10 @@ def robot_row(robot: RobotSummary) -> dict[str, Any]:
         "contacts_per_hour": robot.contacts_per_hour,
         "touched": robot.touched / max(robot.samples, 1),
         "degraded": robot.degraded / max(robot.samples, 1),
-        "base_bias_drift": _plain(base.drift),
-        "joint_bias_drift": _plain(joint.drift),
-        "coulomb_drift": _plain(coulomb.drift),
-        "viscous_drift": _plain(viscous.drift),
+        "base_bias_drift": without_nan(base.drift),
+        "joint_bias_drift": without_nan(joint.drift),
+        "coulomb_drift": without_nan(coulomb.drift),
+        "viscous_drift": without_nan(viscous.drift),
         "residual_ratio": robot.worst_ratio(),
         "needs_calibration": robot.needs_calibration(),
     }
@@ -245,17 +245,13 @@ def day_rows(robot: RobotSummary) -> list[dict[str, Any]]:
             "date": day,
             "hours": robot.day_hours[day],
             "contacts": robot.day_contacts[day],
-            "base_bias": _plain(base.values[i]),
-            "joint_bias": _plain(joint.values[i]),
-            "coulomb": _plain(coulomb.values[i]),
-            "viscous": _plain(viscous.values[i]),
+            "base_bias": without_nan(base.values[i]),
+            "joint_bias": without_nan(joint.values[i]),
+            "coulomb": without_nan(coulomb.values[i]),
+            "viscous": without_nan(viscous.values[i]),
         }
         for i, day in enumerate(base.dates)
     ]
-
-
-def _plain(values: np.ndarray) -> list[float | None]:
-    return [float(x) if np.isfinite(x) else None for x in values]
 
 
 def settings_of(scene: Path) -> str:

@@ -71,6 +71,19 @@ def test_recordings_and_their_place_in_the_dataset(tmp_path: Path) -> None:
         find_recordings((_empty(tmp_path),))
 
 
+def test_recordings_of_the_same_name_in_several_folders_are_told_apart(tmp_path: Path, scene: Path) -> None:
+    paths = []
+    for name in ("first", "second"):
+        here = tmp_path / name / "robot=a"
+        here.mkdir(parents=True)
+        paths.append(write_motion(demo(), here / "one.parquet"))
+    found = find_recordings((*paths, paths[1].parent))
+    assert [file.name for file in found] == ["first/robot=a/one.parquet", "second/robot=a/one.parquet"]
+    summary = analyze_fleet(tuple(paths), scene, tmp_path / "out", workers=1)
+    (one,) = {summary.contacts["recording"].to_pylist().count(file.name) for file in found}
+    assert one > 0
+
+
 def test_what_a_recorder_that_was_killed_left_is_a_recording(tmp_path: Path, scene: Path) -> None:
     """Its files have no end, and a name of their own."""
     here = tmp_path / "robot=a" / "date=2026-01-01"

@@ -9,6 +9,7 @@ from contactsense import Localizer, SampleBlock
 from contactsense.service.analysis.contact_history import ContactCollector, ContactHistory
 from contactsense.service.analysis.smoothing import ContactSmoother
 from contactsense.service.analysis.summarize import Summarizer
+from contactsense.tracking.contact_track import NONE
 from tests.contactsense.tracking.test_resumed_contact import Push, plain_scene, pushed_arm
 
 SCENE = plain_scene()
@@ -55,3 +56,11 @@ def test_a_contact_that_is_mostly_without_the_base_sensor_keeps_all_samples(loca
     gap = _history(localizer, (0.5, 1.25))
     assert 0 < np.count_nonzero(gap.usable) < 0.5 * len(gap.usable)
     assert gap.without_outages() is gap
+
+
+def test_a_base_sensor_that_is_there_in_the_pauses_only_changes_nothing(localizer: Localizer) -> None:
+    whole = _history(localizer, (0.0, 0.0))
+    pause = np.arange(len(whole.row)) >= 10
+    history = replace(whole, phase=np.where(pause, NONE, whole.phase), usable=pause)
+    assert history.without_outages() is history
+    assert (history.strongest_stretch().phase != NONE).all()
