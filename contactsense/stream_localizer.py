@@ -236,17 +236,21 @@ class StreamLocalizer(StaticLocalizer):
             if count < 0:
                 release += self._multi_tracker.end(t, self._number, unseen)
             else:
-                estimate, self._number = self._multi_tracker.step(
+                estimate, self._number, events = self._multi_tracker.step(
                     t, self._usable(), self._number, count > 0, reason
                 )
                 self._contact_number[0] = self._number
                 if estimate is not None:
                     return estimate
+                release += events
         if count < 0:
             return self._estimate_builder.without_contacts(
                 t, "degraded" if reason else "none", reason, release
             )
-        return self._estimate_builder.contacts(t, found, reason, self._number, _PHASES[self._phase], kinds)
+        estimate = self._estimate_builder.contacts(
+            t, found, reason, self._number, _PHASES[self._phase], kinds
+        )
+        return replace(estimate, events=(*release, *estimate.events)) if release else estimate
 
     def _nothing_found(self) -> list[int]:
         """As `Answer.integers`, for a sample without contact."""

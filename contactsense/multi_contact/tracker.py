@@ -122,7 +122,7 @@ class MultiContactTracker:
 
     def step(
         self, t: float, present: Usable, number: int, explained: bool, reason: str
-    ) -> tuple[Estimate | None, int]:
+    ) -> tuple[Estimate | None, int, tuple[Event, ...]]:
         """Explain the sample last taken by the kernels, while there is contact.
 
         Args:
@@ -133,19 +133,22 @@ class MultiContactTracker:
             reason: Why the estimate is `degraded`, empty if it is not.
 
         Returns:
-            The estimate if there are several contacts, else None; and the number of the first contact.
+            The estimate if there are several contacts, else None; the number of the first contact; and what
+            happened to the others, where no estimate contains it.
         """
         if not self._members and t >= self._next_search:
             self._next_search = t + SEARCH_INTERVAL * self._tau
             self._check_single_contact(t, present, number, explained)
         if not self._members:
-            return None, number
+            return None, number, ()
         estimate = self._update(t, present, reason)
-        if self._members:
-            number = self._members[0].number
+        events: tuple[Event, ...] = ()
+        if estimate is None:
+            events = self._abandon(t)
+        number = self._members[0].number
         if len(self._members) == 1:
             self._return_to_single_contact()
-        return estimate, number
+        return estimate, number, events
 
     def _check_single_contact(self, t: float, present: Usable, number: int, explained: bool) -> None:
         """Test the previous estimate of a single contact; start tracking if a further one is found."""
@@ -200,10 +203,15 @@ class MultiContactTracker:
             changed = self._detect_change(t, present, [fit.hypothesis for fit in fits], limit)
         if changed:
             fits = self._filter.evaluate(present)
-        if not fits:
-            self._return_to_single_contact()
-            return None
-        return self._build_estimate(t, fits, reason)
+        return self._build_estimate(t, fits, reason) if fits else None
+
+    def _abandon(self, t: float) -> tuple[Event, ...]:
+        """Release all contacts but the first, as nothing explains several; returns what is not reported
+        yet."""
+        for i in range(len(self._members) - 1, 0, -1):
+            self._release(t, i)
+        events, self._events = tuple(self._events), []
+        return events
 
     def _reestimate_newest(
         self, t: float, present: Usable, fits: Sequence[HypothesisFit], limit: float

@@ -86,6 +86,21 @@ def test_a_new_stream_releases_all_contacts(localizer: Localizer, how: str) -> N
     assert {contact.id for contact in after[-1].contacts} == {3, 4}
 
 
+def test_contacts_that_nothing_explains_any_more_are_released(
+    localizer: Localizer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    localizer.reset()
+    samples = [sample for sample, _ in stream(SCENE, [FOREARM, UPPER_ARM], 1.1, NOISE, 3, 0.0)]
+    before = [localizer.step(sample) for sample in samples][-1]
+    assert {contact.id for contact in before.contacts} == {1, 2}
+    tracker = localizer._multi_tracker
+    assert tracker is not None
+    monkeypatch.setattr(tracker._filter, "evaluate", lambda present: [])
+    after = localizer.step(replace(samples[-1], t=samples[-1].t + 0.002))
+    assert after.status != "multiple"
+    assert [(event.kind, event.contact) for event in after.events] == [("release", 2)]
+
+
 def test_the_first_contact_can_be_released_first(localizer: Localizer) -> None:
     second = replace(WRIST, stop=1.8)
     estimates, truth = _run(localizer, [replace(FOREARM, stop=1.2), second], 2.0, seed=4)
