@@ -30,17 +30,18 @@ class Change:
         changed = _changed(self.before, self.after, ("sensors", "gain"))
         known = self.before.gain != 0.0
         factor = np.divide(self.after.gain, self.before.gain, where=known, out=np.ones(len(known)))
-        made = with_values(setup, **changed, gain=setup.gain * factor)
+        found = with_values(setup, **changed, gain=setup.gain * factor)
         for field, sensor in self.before.sensors.items():
-            made = made.with_sensor(field, **_sensor(sensor, self.after.sensors[field], made.sensors[field]))
-        return made
+            own = _sensor(sensor, self.after.sensors[field], found.sensors[field])
+            found = found.with_sensor(field, **own)
+        return found
 
-    def begun(self) -> "Change":
+    def unfitted(self) -> "Change":
         """The change without what was estimated."""
         return with_values(self, after=self.start)
 
 
-def made(changes: Iterable[Change], setup: Setup) -> Setup:
+def with_changes(changes: Iterable[Change], setup: Setup) -> Setup:
     """The setup with all of these changes, in their order."""
     for change in changes:
         setup = change.on(setup)

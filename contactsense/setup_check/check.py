@@ -22,6 +22,9 @@ from contactsense.setup_check.hypotheses import Hypotheses
 from contactsense.setup_check.instants import without_gaps
 from contactsense.setup_check.lines import (
     FROZEN_TORQUES,
+    TOOL,
+    TOOL_COM,
+    TOOL_MASS,
     Line,
     lines,
     sensor_lines,
@@ -30,7 +33,7 @@ from contactsense.setup_check.lines import (
     wrench_fields,
 )
 from contactsense.setup_check.motion_basis import MotionBases, Readings
-from contactsense.setup_check.proposals import written
+from contactsense.setup_check.proposals import line_value
 from contactsense.setup_check.result import Finding, SetupCheck, Verdict
 from contactsense.setup_check.search import searched
 from contactsense.setup_check.sensor_findings import (
@@ -142,8 +145,8 @@ def _other_arms(scene: Scene) -> dict[str, Scene]:
     return found
 
 
-def _gain(fitter: Fitter, before: Fit, after: Fit) -> float:
-    return fitter.cost(before) - fitter.cost(after)
+def _cost_increase(fitter: Fitter, now: Fit, other: Fit) -> float:
+    return fitter.cost(other) - fitter.cost(now)
 
 
 def _silent_joints(fitter: Fitter, now: Fit, candidates: list[Candidate]) -> str:
@@ -153,7 +156,7 @@ def _silent_joints(fitter: Fitter, now: Fit, candidates: list[Candidate]) -> str
         for c in candidates
         if c.hypothesis.line == FROZEN_TORQUES
         and c.hypothesis.joint is not None
-        and -_gain(fitter, now, c.fit) < EXCLUDED
+        and _cost_increase(fitter, now, c.fit) < EXCLUDED
     ]
     return f"{', '.join(names)}: noise would fit as well" if names else ""
 
@@ -176,14 +179,14 @@ def _wrong_lines(fitter: Fitter, scene: Scene, stated: Setup, found: Explanation
 def _wrong_line(fitter: Fitter, scene: Scene, stated: Setup, found: Explanation, line: Line) -> Finding:
     fields, before = wrench_fields(scene), found.without[line]
     own = [change for change in found.changes if change.line == line]
-    proposed, remark = written(line, found.fit.setup, scene)
+    proposed, remark = line_value(line, found.fit.setup, scene)
     free = groups(*(change.free for change in own))
     shown = np.repeat([group in free for group in found.fit.free], [group.size for group in found.fit.free])
     text = own[-1].text
     return Finding(
         line,
         "does_not_fit",
-        written(line, stated, scene)[0],
+        line_value(line, stated, scene)[0],
         proposed,
         text if text and text != proposed else remark,
         tuple(found.fit.std[shown.astype(bool)].tolist()),
@@ -206,7 +209,7 @@ def _not_recorded(
         Finding(
             line,
             "cannot_tell",
-            written(line, setup, scene)[0],
+            line_value(line, setup, scene)[0],
             remark=unusable.get(sensor_of(scene, line) or "joint_torque", "not recorded"),
         )
         for line in found
@@ -217,8 +220,8 @@ def _covered(line: Line, reported: set[Line]) -> bool:
     """Whether a finding already covers a line."""
     return (
         line in reported
-        or (line == "tool" and bool(reported & {"tool.mass", "tool.com"}))
-        or (line in ("tool.mass", "tool.com") and "tool" in reported)
+        or (line == TOOL and bool(reported & {TOOL_MASS, TOOL_COM}))
+        or (line in (TOOL_MASS, TOOL_COM) and TOOL in reported)
     )
 
 
@@ -227,13 +230,13 @@ def _judged(fitter: Fitter, scene: Scene, now: Fit, candidate: Candidate) -> Fin
     line = candidate.hypothesis.line
     fits = [candidate.fit, *candidate.others]
     distinct = [found for found in fits if matters(now.setup, found)]
-    other = min((-_gain(fitter, now, found) for found in distinct), default=None)
+    other = min((_cost_increase(fitter, now, found) for found in distinct), default=None)
     verdict: Verdict = "fits"
     remark = ""
     std: tuple[float, ...] = ()
     if candidate.hypothesis.free:
         # Where there is no tool, it has no centre of mass.
-        free = candidate.hypothesis.free if now.setup.mass > 0.0 or line != "tool" else (Free("mass"),)
+        free = candidate.hypothesis.free if now.setup.mass > 0.0 or line != TOOL else (Free("mass"),)
         here = fitter.fit(now.setup, free, steps=0)
         std = tuple(here.std.tolist())
         each = [group for group in here.free for _ in range(group.size)]
@@ -249,5 +252,5 @@ def _judged(fitter: Fitter, scene: Scene, now: Fit, candidate: Candidate) -> Fin
         remark = "another value fits as well"
         if not candidate.hypothesis.free:
             nearest = min(distinct, key=fitter.cost)
-            remark += f": {written(line, nearest.setup, scene)[0]}"
-    return Finding(line, verdict, written(line, now.setup, scene)[0], None, remark, std, evidence=other)
+            remark += f": {line_value(line, nearest.setup, scene)[0]}"
+    return Finding(line, verdict, line_value(line, now.setup, scene)[0], None, remark, std, evidence=other)

@@ -13,7 +13,7 @@ Sets are compared by the cost of `contactsense.setup_check.fit`. Each line must 
 from dataclasses import dataclass, field, replace
 
 from contactsense.setup_check.candidate import Candidate
-from contactsense.setup_check.change import Change, groups, made, with_estimates
+from contactsense.setup_check.change import Change, groups, with_changes, with_estimates
 from contactsense.setup_check.changes import matters
 from contactsense.setup_check.fit import Fit, Fitter
 from contactsense.setup_check.hypotheses import Hypotheses
@@ -80,7 +80,7 @@ def exchanged(
         firsts: Other lines from which a pair may start.
     """
     fitter.effective[:] = 1.0
-    best = Explanation(changes, fitter.fit(made(changes, stated), _free(changes)))
+    best = Explanation(changes, fitter.fit(with_changes(changes, stated), _free(changes)))
     options = [best, *pairs(fitter, hypotheses, stated, firsts)]
     fitter.set_effective_rows(min((option.fit for option in options), key=fitter.cost).residual)
     best = _better(fitter, best, options)
@@ -109,7 +109,7 @@ def pairs(
         found
         for first in firsts
         for found in _extended(
-            fitter, hypotheses, stated, (first,), fitter.fit(made((first,), stated), first.free)
+            fitter, hypotheses, stated, (first,), fitter.fit(with_changes((first,), stated), first.free)
         )
     ]
 
@@ -122,11 +122,11 @@ def _better(fitter: Fitter, now: Explanation, others: list[Explanation]) -> Expl
 
 def changes_of(candidate: Candidate, setup: Setup) -> tuple[Change, ...]:
     """What a candidate changes of the setup for which its hypothesis was made, line by line."""
-    beside = candidate.hypothesis.beside
-    if beside is None:
+    second = candidate.hypothesis.second_line
+    if second is None:
         return (change_of(candidate, setup),)
-    first = Change(beside.line, (), setup, beside.setup, beside.setup, beside.text)
-    return first, change_of(candidate, beside.setup)
+    first = Change(second.line, (), setup, second.setup, second.setup, second.text)
+    return first, change_of(candidate, second.setup)
 
 
 def change_of(candidate: Candidate, before: Setup) -> Change:
@@ -147,7 +147,7 @@ def _swept(
     instead: dict[Line, list[Explanation]] = {}
     for line in now.lines:
         rest = tuple(change for change in now.changes if change.line != line)
-        without[line] = fitter.fit(made(rest, stated), _free(rest))
+        without[line] = fitter.fit(with_changes(rest, stated), _free(rest))
         instead[line] = _extended(fitter, hypotheses, stated, rest, without[line])
     found = [other for others in instead.values() for other in others]
     fits = [now.fit, *without.values(), *(other.fit for other in found)]
@@ -174,11 +174,12 @@ def _extended(
     What the nuisances can take up is tried alone only: beside another line, a load on the last links explains
     as much as a tool. Hypotheses of two lines would be two more.
     """
-    free, begun, found = _free(rest), made((change.begun() for change in rest), stated), []
+    free, found = _free(rest), []
+    unfitted = with_changes((change.unfitted() for change in rest), stated)
     tried = [
-        (fitter.foreseen(start, groups(free, hypothesis.free)), hypothesis, start)
+        (fitter.predicted_cost(start, groups(free, hypothesis.free)), hypothesis, start)
         for hypothesis in hypotheses.of(now.setup)
-        if hypothesis.beside is None and not (rest and hypothesis.absorbed)
+        if hypothesis.second_line is None and not (rest and hypothesis.absorbed)
         for _, start in hypothesis.starts
     ]
     best: dict[int, tuple[float, Hypothesis, Setup]] = {}
@@ -187,7 +188,7 @@ def _extended(
     for _, hypothesis, start in list(best.values())[:_TRIED]:
         # The parameters of the other lines were estimated without this one, and may be far from the truth.
         change = Change(hypothesis.line, hypothesis.free, now.setup, start, start)
-        fits = [fitter.fit(place, groups(free, hypothesis.free)) for place in (start, change.on(begun))]
+        fits = [fitter.fit(place, groups(free, hypothesis.free)) for place in (start, change.on(unfitted))]
         candidate = Candidate(hypothesis, min(fits, key=fitter.cost), start)
         own = replace(candidate.fit, free=hypothesis.free)
         if matters(now.setup, own) and candidate.explains(now):

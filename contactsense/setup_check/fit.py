@@ -137,7 +137,7 @@ class Fitter:
         """See the module."""
         return self._cost(fit.variance, fit.penalty, fit.free, fit.std, len(fit.residual))
 
-    def foreseen(self, start: Setup, free: tuple[Free, ...]) -> float:
+    def predicted_cost(self, start: Setup, free: tuple[Free, ...]) -> float:
         """The cost to expect of `fit`: that after its first step, if the prediction were linear."""
         prior = np.repeat([_PRIOR[group.kind] for group in free], [group.size for group in free])
         slopes = self._slopes(start, free, prior) if free else np.zeros((0, 0, 0))

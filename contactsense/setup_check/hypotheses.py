@@ -13,7 +13,22 @@ from scipy.spatial.transform import Rotation
 from contactsense.scene import Scene
 from contactsense.sensors.settings import CURRENTS, Meaning
 from contactsense.setup_check.hypothesis import Hypothesis
-from contactsense.setup_check.lines import DELAYED_TORQUES, sensor_lines, torque_scale
+from contactsense.setup_check.lines import (
+    ANGLE_UNIT,
+    AXES_ORDER,
+    DELAYED_TORQUES,
+    MOUNTING,
+    ROBOT,
+    TOOL,
+    TOOL_COM,
+    TOOL_MASS,
+    TORQUE_MEANING,
+    TORQUE_SIGN,
+    TORQUE_SIGNAL,
+    VECTOR_ORDER,
+    sensor_lines,
+    torque_scale,
+)
 from contactsense.setup_check.load_hypotheses import link_loads
 from contactsense.setup_check.order_hypotheses import angle_orders, torque_orders
 from contactsense.setup_check.reversed_scales import reversed_torques, reversed_wrench
@@ -73,9 +88,9 @@ class Hypotheses:
         ]
         found = []
         if setup.robot == self._scene.robot.name and robots:
-            found.append(Hypothesis("robot", tuple(robots)))
+            found.append(Hypothesis(ROBOT, tuple(robots)))
         if setup.angle_unit == 1.0 and units:
-            found.append(Hypothesis("joint positions: unit", tuple(units)))
+            found.append(Hypothesis(ANGLE_UNIT, tuple(units)))
         return [*found, *angle_orders(setup), *angle_zeros(setup)]
 
     def _mounting(self, setup: Setup) -> Hypothesis:
@@ -91,27 +106,27 @@ class Hypotheses:
                 down = Rotation.from_euler("xyz", rpy).inv().apply([0.0, 0.0, -size])
                 if np.linalg.norm(down - setup.gravity) > 0.01 * size:
                     starts.append((text, replace(setup, gravity=down)))
-        return Hypothesis("mounting", tuple(starts), (Free("tilt"),))
+        return Hypothesis(MOUNTING, tuple(starts), (Free("tilt"),))
 
     def _tool(self, setup: Setup) -> list[Hypothesis]:
         mass, com = Free("mass"), Free("com")
         some = setup if setup.mass > 0.0 else replace(setup, mass=1.0)
         found = []
         if self._scene.tool is not None:
-            found.append(Hypothesis("tool.mass", (("", setup),), (mass,)))
+            found.append(Hypothesis(TOOL_MASS, (("", setup),), (mass,)))
             if setup.mass > 0.0:
                 # One in centimetres is too far away for the steps of a fit.
                 near = replace(setup, com=np.zeros(3))
-                found.append(Hypothesis("tool.com", (("", setup), ("", near)), (com,)))
-        return [*found, Hypothesis("tool", (("", some),), (mass, com))]
+                found.append(Hypothesis(TOOL_COM, (("", setup), ("", near)), (com,)))
+        return [*found, Hypothesis(TOOL, (("", some),), (mass, com))]
 
     def _torques(self, setup: Setup) -> list[Hypothesis]:
         """What may be wrong with the joint torques."""
         others = [meaning for meaning in get_args(Meaning) if meaning != setup.meaning]
         other = other_signal(self._scene)
         found = [
-            Hypothesis("joint_torque.sign", (("", replace(setup, gain=-setup.gain)),)),
-            Hypothesis("joint_torque.meaning", tuple(("", replace(setup, meaning=m)) for m in others)),
+            Hypothesis(TORQUE_SIGN, (("", replace(setup, gain=-setup.gain)),)),
+            Hypothesis(TORQUE_MEANING, tuple(("", replace(setup, meaning=m)) for m in others)),
             *torque_orders(setup),
             Hypothesis(DELAYED_TORQUES, _late(setup), (Free("lag"),)),
         ]
@@ -120,7 +135,7 @@ class Hypotheses:
         text = "torques [Nm]" if (other > 1.0).any() else "currents [A]"
         start = (f"the values are {text}", replace(setup, gain=np.sign(setup.gain) * other))
         scales = torque_scales(self._scene, setup, self._moving)
-        signal = Hypothesis("joint_torque.signal", (start,))
+        signal = Hypothesis(TORQUE_SIGNAL, (start,))
         turned = reversed_torques(torque_scale(self._scene), setup, other, self._moving)
         return [*found, signal, *scales, *turned]
 
@@ -143,8 +158,8 @@ class Hypotheses:
             "rpy": Hypothesis("", frames, (Free("turn", field),)),
             "translation": Hypothesis("", places, (Free("shift", field),)),
             "delay": Hypothesis("", delays, (Free("delay", field),)),
-            "order of axes": Hypothesis("", _reordered(field, setup)),
-            "force and moment": Hypothesis("", (("the moment comes first", exchanged),)),
+            AXES_ORDER: Hypothesis("", _reordered(field, setup)),
+            VECTOR_ORDER: Hypothesis("", (("the moment comes first", exchanged),)),
             "link": Hypothesis("", tuple(changed(body=body) for body in others)),
         }
         names = {line: re.split(r"\.|: ", line)[-1] for line in sensor_lines(field)}

@@ -7,7 +7,7 @@ from contactsense.setup_check.lines import Line
 from contactsense.setup_check.setup import Free, Setup
 
 
-class Beside(NamedTuple):
+class SecondLine(NamedTuple):
     """A line that is wrong beside that of a hypothesis."""
 
     line: Line
@@ -32,6 +32,6 @@ class Hypothesis:
     """Whether the nuisances can take up the mistake, at the cost of their priors: no residual need fall."""
     joint: int | None = None
     """Index of the joint whose torque alone it explains; None: it is of no single joint."""
-    beside: Beside | None = None
+    second_line: SecondLine | None = None
     """Another line that is wrong as well: `starts` differ in `line` from its setup. None: `line` alone is
     wrong."""

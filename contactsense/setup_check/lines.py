@@ -6,14 +6,27 @@ from contactsense.setup_check.setup import BASE
 
 Line = str
 """A field of the scene by its path, or, with a colon, a property of the signals that no field states."""
+ROBOT: Line = "robot"
+ANGLE_UNIT: Line = "joint positions: unit"
+ANGLE_ORDER: Line = "joint positions: order"
+MOUNTING: Line = "mounting"
+TOOL: Line = "tool"
+TOOL_MASS: Line = "tool.mass"
+TOOL_COM: Line = "tool.com"
 VELOCITIES: Line = "joint velocities: agreement"
 ZEROS: Line = "joint positions: zero"
+TORQUE_SIGN: Line = "joint_torque.sign"
+TORQUE_SIGNAL: Line = "joint_torque.signal"
+TORQUE_MEANING: Line = "joint_torque.meaning"
+TORQUE_ORDER: Line = "joint torques: order"
 DELAYED_TORQUES: Line = "joint torques: delay"
 FROZEN_TORQUES: Line = "joint torques: frozen values"
+AXES_ORDER, VECTOR_ORDER, SCALE, FROZEN_VALUES = "order of axes", "force and moment", "scale", "frozen values"
+"""Properties of a force/torque sensor's signals, see `signal_line`."""
 _INERTIA = "inertia."
 _ARM: tuple[Line, ...] = (
-    "robot", "joint positions: unit", "joint positions: order", ZEROS, VELOCITIES, "mounting", "tool",
-    "tool.mass", "tool.com",
+    ROBOT, ANGLE_UNIT, ANGLE_ORDER, ZEROS, VELOCITIES, MOUNTING, TOOL,
+    TOOL_MASS, TOOL_COM,
 )  # fmt: skip
 
 
@@ -49,11 +62,11 @@ def loaded_link(scene: Scene, line: Line) -> int | None:
 def torque_lines(scene: Scene) -> tuple[Line, ...]:
     """Lines of the joint torques."""
     return (
-        "joint_torque.sign",
-        "joint_torque.signal",
-        "joint_torque.meaning",
+        TORQUE_SIGN,
+        TORQUE_SIGNAL,
+        TORQUE_MEANING,
         torque_scale(scene),
-        "joint torques: order",
+        TORQUE_ORDER,
         DELAYED_TORQUES,
         FROZEN_TORQUES,
     )
@@ -72,14 +85,18 @@ def wrench_fields(scene: Scene) -> tuple[str, ...]:
 
 def sensor_lines(field: str) -> tuple[Line, ...]:
     """Lines of one force/torque sensor."""
-    names = ("order of axes", "force and moment", "scale", "frozen values")
-    signals = (f"{label(field)} wrench: {name}" for name in names)
+    signals = (signal_line(field, name) for name in (AXES_ORDER, VECTOR_ORDER, SCALE, FROZEN_VALUES))
     stated = ["sign", "rpy", "translation", "delay"]
     if field.startswith("link_wrenches."):
         stated.insert(0, "link")
     # A stream estimates the bias of the base sensor; the others keep the scene's.
     own = ("range",) if field == BASE else ("bias", "range")
     return (*(f"{field}.{name}" for name in stated), *signals, *(f"{field}.{name}" for name in own))
+
+
+def signal_line(field: str, name: str) -> Line:
+    """The line of a property of a force/torque sensor's signals."""
+    return f"{label(field)} wrench: {name}"
 
 
 def label(field: str) -> str:

@@ -4,6 +4,7 @@ from dataclasses import replace
 from itertools import combinations
 
 from contactsense.setup_check.hypothesis import Hypothesis
+from contactsense.setup_check.lines import ANGLE_ORDER, TORQUE_ORDER
 from contactsense.setup_check.setup import Order, Setup, plain_order
 
 
@@ -17,7 +18,7 @@ def angle_orders(setup: Setup) -> list[Hypothesis]:
             (f"{text}, of the torques, too", replace(setup, angle_order=order, torque_order=order))
             for text, order in _orders(setup.angle_order)
         ]
-    return [Hypothesis("joint positions: order", tuple(starts))]
+    return [Hypothesis(ANGLE_ORDER, tuple(starts))]
 
 
 def torque_orders(setup: Setup) -> list[Hypothesis]:
@@ -25,7 +26,7 @@ def torque_orders(setup: Setup) -> list[Hypothesis]:
     if setup.torque_order != plain_order(len(setup.gain)):
         return []
     starts = [(text, replace(setup, torque_order=order)) for text, order in _orders(setup.torque_order)]
-    return [Hypothesis("joint torques: order", tuple(starts))]
+    return [Hypothesis(TORQUE_ORDER, tuple(starts))]
 
 
 def _orders(order: Order) -> list[tuple[str, Order]]:

@@ -14,8 +14,21 @@ from contactsense.setup_check.hypotheses import (
     torque_constants,
 )
 from contactsense.setup_check.lines import (
+    ANGLE_ORDER,
+    ANGLE_UNIT,
     DELAYED_TORQUES,
     FROZEN_TORQUES,
+    FROZEN_VALUES,
+    MOUNTING,
+    ROBOT,
+    SCALE,
+    TOOL,
+    TOOL_COM,
+    TOOL_MASS,
+    TORQUE_ORDER,
+    TORQUE_SIGN,
+    TORQUE_SIGNAL,
+    VECTOR_ORDER,
     ZEROS,
     Line,
     loaded_link,
@@ -30,19 +43,19 @@ _SNAP = np.radians(3.0)
 _NAMED = {"table": (0.0, 0.0, -1.0), "ceiling": (0.0, 0.0, 1.0), "wall": (1.0, 0.0, 0.0)}
 
 
-def written(line: Line, setup: Setup, scene: Scene) -> tuple[str, str]:
+def line_value(line: Line, setup: Setup, scene: Scene) -> tuple[str, str]:
     """The line's value in a setup, and a remark on how it differs from the scene's (may be empty)."""
-    if line == "robot":
+    if line == ROBOT:
         return setup.robot, ""
-    if line == "joint positions: unit":
+    if line == ANGLE_UNIT:
         if setup.angle_unit == 1.0:
             return "rad", ""
         return ("deg", "they are in degrees") if setup.angle_unit < 1.0 else ("rad", "converted twice")
-    if line == "mounting":
+    if line == MOUNTING:
         return _mounting(setup, scene)
-    if line in ("tool", "tool.mass", "tool.com"):
+    if line in (TOOL, TOOL_MASS, TOOL_COM):
         mass, com = f"{setup.mass:.3g}", _vector(setup.com, 3)
-        return {"tool.mass": mass, "tool.com": com}.get(line, f"mass {mass}, com {com}"), ""
+        return {TOOL_MASS: mass, TOOL_COM: com}.get(line, f"mass {mass}, com {com}"), ""
     link = loaded_link(scene, line)
     if link is not None:
         return _inertia(link, setup)
@@ -53,16 +66,16 @@ def written(line: Line, setup: Setup, scene: Scene) -> tuple[str, str]:
         if line.endswith(".link"):
             return scene.robot.link_names[setup.sensors[field].body], ""
         sensor = setup.sensors[field]
-        return _sensor(line, sensor), unit_remark(*_sizes(sensor.order)) if line.endswith("scale") else ""
-    if line == "joint_torque.sign":
+        return _sensor(line, sensor), unit_remark(*_sizes(sensor.order)) if line.endswith(SCALE) else ""
+    if line == TORQUE_SIGN:
         own = not (setup.gain < 0.0).any()
         sign = scene.joint_torque.sign if scene.joint_torque is not None else "by_actuator"
         return sign if own else {"by_actuator": "on_arm", "on_arm": "by_actuator"}[sign], ""
-    if line.endswith("positions: order"):
+    if line == ANGLE_ORDER:
         return _places(setup.angle_order), ""
     if line == ZEROS:
         return _zeros(setup, scene), ""
-    if line == "joint torques: order":
+    if line == TORQUE_ORDER:
         return _places(setup.torque_order), ""
     if line == DELAYED_TORQUES:
         late = round(1e3 * setup.torque_delay)
@@ -72,7 +85,7 @@ def written(line: Line, setup: Setup, scene: Scene) -> tuple[str, str]:
         return ", ".join(joint.name for joint, gain in still if gain == 0.0) or "none", ""
     if line == torque_scale(scene):
         return _torque_scale(setup, scene)
-    if line == "joint_torque.signal":
+    if line == TORQUE_SIGNAL:
         stated = scene.joint_torque.signal if scene.joint_torque is not None else ""
         if not reads_other_signal(setup, scene):
             return stated, ""
@@ -91,14 +104,14 @@ def _sensor(line: Line, setup: SensorSetup) -> str:
         return f"{round(setup.delay, 4) + 0.0:.4f}"
     if line.endswith(".bias"):
         return _vector(setup.bias, 2)
-    if line.endswith("frozen values"):
+    if line.endswith(FROZEN_VALUES):
         return "none"
-    if line.endswith("scale"):
+    if line.endswith(SCALE):
         force, moment = _sizes(setup.order)
         return f"{force:.3g} per N, {moment:.3g} per Nm"
     names = ("fx", "fy", "fz", "mx", "my", "mz")
     parts = [("-" if row.sum() < 0.0 else "") + names[int(np.argmax(np.abs(row)))] for row in setup.order]
-    if line.endswith("force and moment"):
+    if line.endswith(VECTOR_ORDER):
         return "force first" if "f" in parts[0] else "moment first"
     force_first = "f" in parts[0]
     forces, moments = (parts[:3], parts[3:]) if force_first else (parts[3:], parts[:3])

@@ -8,8 +8,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from contactsense.setup_check.hypothesis import Beside, Hypothesis
-from contactsense.setup_check.lines import Line, label
+from contactsense.setup_check.hypothesis import Hypothesis, SecondLine
+from contactsense.setup_check.lines import (
+    AXES_ORDER,
+    SCALE,
+    TORQUE_ORDER,
+    TORQUE_SIGN,
+    TORQUE_SIGNAL,
+    Line,
+    signal_line,
+)
 from contactsense.setup_check.order_hypotheses import reversed_joint
 from contactsense.setup_check.scaled_setups import (
     forces_in_units,
@@ -31,37 +39,36 @@ def reversed_torques(line: Line, setup: Setup, other: np.ndarray, moving: np.nda
     """
     turned = replace(setup, gain=-setup.gain)
     signal = "", replace(turned, gain=np.sign(turned.gain) * other)
-    beside = Beside("joint_torque.sign", "", turned)
+    second = SecondLine(TORQUE_SIGN, "", turned)
     found = [
-        Hypothesis(line, torques_in_units(turned), (Free("gain"),), special=True, beside=beside),
-        Hypothesis("joint_torque.signal", (signal,), special=True, beside=beside),
+        Hypothesis(line, torques_in_units(turned), (Free("gain"),), special=True, second_line=second),
+        Hypothesis(TORQUE_SIGNAL, (signal,), special=True, second_line=second),
     ]
     joints = np.flatnonzero(moving & (setup.gain != 0.0)).tolist()
     if len(joints) > 1 and BASE in setup.sensors:
         each = tuple(Free("gain", joint=joint) for joint in joints)
-        found.append(Hypothesis(line, (("", turned),), each, special=True, beside=beside))
+        found.append(Hypothesis(line, (("", turned),), each, special=True, second_line=second))
     plain = plain_order(len(setup.gain))
     if setup.torque_order == plain:
         for joint in joints:
             text, order = reversed_joint(plain, joint)
             one = replace(setup, torque_order=order)
-            beside, free = Beside("joint torques: order", text, one), (Free("gain", joint=joint),)
-            found.append(Hypothesis(line, (("", one),), free, special=True, joint=joint, beside=beside))
+            second, free = SecondLine(TORQUE_ORDER, text, one), (Free("gain", joint=joint),)
+            found.append(Hypothesis(line, (("", one),), free, special=True, joint=joint, second_line=second))
     return found
 
 
 def reversed_wrench(field: str, setup: Setup) -> list[Hypothesis]:
     """A force/torque sensor with the opposite sign and another scale, or its forces or moments alone."""
-    sensor, name = setup.sensors[field], label(field)
-    line, order = f"{name} wrench: scale", f"{name} wrench: order of axes"
+    sensor, line = setup.sensors[field], signal_line(field, SCALE)
     turned = setup.with_sensor(field, sign=-sensor.sign)
     same = wrench_times_units(turned, field)
     two = (*same, *moments_in_units(turned, field)[1:])
     free = Free("force", field), Free("moment", field)
-    sign = Beside(f"{field}.sign", "", turned)
+    sign = SecondLine(f"{field}.sign", "", turned)
     of_forces, of_moments = (
-        Beside(
-            order,
+        SecondLine(
+            signal_line(field, AXES_ORDER),
             f"of the {kind}s all axes point the other way",
             setup.with_sensor(field, order=sensor.order * (1.0 - 2.0 * SCALED[kind])),
         )
@@ -69,8 +76,8 @@ def reversed_wrench(field: str, setup: Setup) -> list[Hypothesis]:
     )
     pushes, twists = forces_in_units(of_forces.setup, field), moments_in_units(of_moments.setup, field)
     return [
-        Hypothesis(line, same, (Free("wrench", field),), special=True, beside=sign),
-        Hypothesis(line, two, free, special=True, beside=sign),
-        Hypothesis(line, pushes, free[:1], special=True, beside=of_forces),
-        Hypothesis(line, twists, free[1:], special=True, beside=of_moments),
+        Hypothesis(line, same, (Free("wrench", field),), special=True, second_line=sign),
+        Hypothesis(line, two, free, special=True, second_line=sign),
+        Hypothesis(line, pushes, free[:1], special=True, second_line=of_forces),
+        Hypothesis(line, twists, free[1:], special=True, second_line=of_moments),
     ]

@@ -6,7 +6,7 @@ import numpy as np
 
 from contactsense.scene import Scene
 from contactsense.setup_check.hypothesis import Hypothesis
-from contactsense.setup_check.lines import FROZEN_TORQUES, label, torque_scale
+from contactsense.setup_check.lines import FROZEN_TORQUES, SCALE, signal_line, torque_scale
 from contactsense.setup_check.scaled_setups import (
     FORCE_UNITS,
     MOMENT_UNITS,
@@ -45,7 +45,7 @@ def _named(scale: float, units: dict[str, float]) -> str:
 
 def sensor_scales(field: str, setup: Setup) -> list[Hypothesis]:
     """Forces and moments of a force/torque sensor of two scales, of one, or only one of them of another."""
-    line, free = f"{label(field)} wrench: scale", (Free("force", field), Free("moment", field))
+    line, free = signal_line(field, SCALE), (Free("force", field), Free("moment", field))
     return [
         Hypothesis(line, wrench_in_units(setup, field), free),
         Hypothesis(line, wrench_times_units(setup, field), (Free("wrench", field),), special=True),

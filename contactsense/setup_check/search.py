@@ -65,11 +65,13 @@ def searched(fitter: Fitter, hypotheses: Hypotheses, stated: Setup, progress: Ca
         now = fitter.fit(setup)
         # As in `contactsense.setup_check.explanation`, where something else is wrong already.
         tried = [h for h in hypotheses.of(setup) if not (found is not None and h.absorbed)]
-        candidates = [Candidate.of(fitter, h) for h in tried if h.beside is None or _promises(fitter, h, now)]
+        candidates = [
+            Candidate.of(fitter, h) for h in tried if h.second_line is None or _promises(fitter, h, now)
+        ]
         if number == 0:
             # What a second wrong line leaves is correlated, so that few rows would count as independent, and
             # the first of two lines would hardly differ from those that explain nothing.
-            others = [c for c in candidates if not (c.hypothesis.absorbed or c.hypothesis.beside)]
+            others = [c for c in candidates if not (c.hypothesis.absorbed or c.hypothesis.second_line)]
             firsts = _by_line(sorted(others, key=lambda c: fitter.cost(c.fit)), setup)
         fitter.set_effective_rows(min([now, *(c.fit for c in candidates)], key=fitter.cost).residual)
         changes = found.changes if found is not None else ()
@@ -135,13 +137,13 @@ def _promises(fitter: Fitter, hypothesis: Hypothesis, now: Fit) -> bool:
     """Whether a hypothesis of two lines may lower the cost by what both need, as far as first Gauss-Newton
     steps tell: fits from all starts would take far longer."""
     limit = fitter.cost(now) - _needed(hypothesis)
-    return any(fitter.foreseen(start, hypothesis.free) <= limit for _, start in hypothesis.starts)
+    return any(fitter.predicted_cost(start, hypothesis.free) <= limit for _, start in hypothesis.starts)
 
 
 def _needed(hypothesis: Hypothesis) -> float:
     """By how much the lines of a hypothesis must lower the cost, beyond the penalty."""
-    beside = hypothesis.beside
-    return needed(hypothesis.line) + (needed(beside.line) if beside is not None else 0.0)
+    second = hypothesis.second_line
+    return needed(hypothesis.line) + (needed(second.line) if second is not None else 0.0)
 
 
 def _cost(fitter: Fitter, candidate: Candidate) -> float:
@@ -152,7 +154,7 @@ def _cost(fitter: Fitter, candidate: Candidate) -> float:
 
 def _fits_in(left: int, candidate: Candidate, now: Fit) -> bool:
     """Whether a candidate changes no more lines than are left, by more than the tolerances, and explains."""
-    lines = 1 if candidate.hypothesis.beside is None else 2
+    lines = 1 if candidate.hypothesis.second_line is None else 2
     return lines <= left and matters(now.setup, candidate.fit) and candidate.explains(now)
 
 
@@ -181,7 +183,7 @@ def _rivals(fitter: Fitter, ranked: list[Candidate], best: Candidate, now: Fit) 
         dict.fromkeys(
             c.hypothesis.line
             for c in ranked
-            if c.hypothesis.beside is None
+            if c.hypothesis.second_line is None
             and c.hypothesis.line != best.hypothesis.line
             and fitter.cost(c.fit) - fitter.cost(best.fit) < EXCLUDED
             and matters(now.setup, c.fit)

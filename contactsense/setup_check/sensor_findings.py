@@ -8,7 +8,7 @@ from contactsense.calibration.free_motion import FreeMotion
 from contactsense.scene import Scene, WrenchSensor
 from contactsense.scene_model.reading_limits import ROUNDING
 from contactsense.setup_check.fit import Fit
-from contactsense.setup_check.proposals import written
+from contactsense.setup_check.proposals import line_value
 from contactsense.setup_check.result import Finding, Residuals, Verdict, WrenchResidual
 from contactsense.setup_check.setup import BASE, Setup
 
@@ -124,7 +124,7 @@ def _bias_finding(scene: Scene, fit: Fit, field: str, sensor: WrenchSensor) -> F
     line, setup, fields = f"{field}.bias", fit.setup, tuple(fit.setup.sensors)
     allowed = _BIAS_TOLERANCE * np.repeat([sensor.force_noise, sensor.moment_noise], 3)
     off, std = fit.bias[field]
-    stated, spread = written(line, setup, scene)[0], tuple(std.tolist())
+    stated, spread = line_value(line, setup, scene)[0], tuple(std.tolist())
     if (setup.sensors[field].order != np.eye(6)).any():
         # Whether the stated bias is in the order and units as read is not known.
         return Finding(line, "cannot_tell", stated, remark="its values are in another order or unit")
@@ -137,7 +137,7 @@ def _bias_finding(scene: Scene, fit: Fit, field: str, sensor: WrenchSensor) -> F
             line,
             "does_not_fit",
             stated,
-            written(line, right, scene)[0],
+            line_value(line, right, scene)[0],
             "",
             spread,
             residuals_of(before, fields),

@@ -8,7 +8,14 @@ import numpy as np
 
 from contactsense.calibration.free_motion import FreeMotion
 from contactsense.scene import Scene
-from contactsense.setup_check.lines import FROZEN_TORQUES, VELOCITIES, Line, label, wrench_fields
+from contactsense.setup_check.lines import (
+    FROZEN_TORQUES,
+    FROZEN_VALUES,
+    VELOCITIES,
+    Line,
+    signal_line,
+    wrench_fields,
+)
 from contactsense.setup_check.result import Finding
 
 _LASTS = 1.0
@@ -84,9 +91,7 @@ def frozen_findings(
     for field in wrench_fields(scene):
         if all(field in part.readings for part in recordings):
             names = ", ".join(["fx", "fy", "fz", "mx", "my", "mz"][c] for c in sensors.get(field, ()))
-            found.append(
-                _frozen_finding(f"{label(field)} wrench: frozen values", names, remark, bool(moves.any()))
-            )
+            found.append(_frozen_finding(signal_line(field, FROZEN_VALUES), names, remark, bool(moves.any())))
     return found
 
 

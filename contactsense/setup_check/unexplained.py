@@ -26,7 +26,7 @@ def unexplained_signals(scene: Scene, fitter: Fitter, readings: Readings, now: F
         variation[:n] = readings.torque.std(axis=0)
     names = [f"torque of {joint.name}" for joint in scene.robot.joints]
     for i, field in enumerate(fields):
-        weight = 9.81 * float(now.setup.carried(field)[:, 0].sum())
+        weight = scene.gravity * float(now.setup.carried(field)[:, 0].sum())
         lever = _TOOL_LEVER if now.setup.sensors[field].tool_alone else ARM_LEVER
         scale.append(np.repeat([weight, weight * lever], 3))
         if field in readings.wrenches:

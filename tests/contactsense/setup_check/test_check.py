@@ -17,7 +17,7 @@ from contactsense.setup_check import CheckError, SetupCheck, check, lines
 from contactsense.setup_check.changes import tolerance
 from contactsense.setup_check.fit import Fitter
 from contactsense.setup_check.motion_basis import MotionBases, Readings
-from contactsense.setup_check.proposals import roll_and_pitch, written
+from contactsense.setup_check.proposals import line_value, roll_and_pitch
 from contactsense.setup_check.setup import BASE, Free, Setup
 from contactsense.setup_check.signal_findings import velocity_finding
 from contactsense.setup_check.unexplained import unexplained_signals
@@ -90,7 +90,7 @@ def test_the_frame_of_an_upright_sensor_is_written_without_a_warning() -> None:
     """Its x axis points up: roll and yaw turn about the same axis."""
     scene = Scene(robot="ur5e")
     turned = Setup.of(scene).with_sensor(BASE, rotation=rotation_from_rpy((0.0, -np.pi / 2.0, 0.0)))
-    assert written("base_wrench.rpy", turned, scene) == (
+    assert line_value("base_wrench.rpy", turned, scene) == (
         "[0, -1.5708, 0]",
         "turned by 90 degrees about -y",
     )

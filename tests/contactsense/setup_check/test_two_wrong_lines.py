@@ -8,7 +8,7 @@ import pytest
 from contactsense.benchmarks.calibration.setup_draws import Settings, right_setup
 from contactsense.benchmarks.calibration.two_mistakes import ARM_AND_TOOL, two_wrong_lines
 from contactsense.setup_check import check
-from contactsense.setup_check.change import Change, made
+from contactsense.setup_check.change import Change, with_changes
 from contactsense.setup_check.check import _wrong_lines
 from contactsense.setup_check.explanation import Explanation
 from contactsense.setup_check.fit import Fitter
@@ -62,13 +62,13 @@ def test_a_change_of_another_setup_leaves_everything_else_as_it_is() -> None:
     scaled = stated.with_sensor(BASE, order=2.0 * np.eye(6))
     heavier = replace(stated, mass=stated.mass + 1.0, gain=-stated.gain)
     swapped = heavier.with_sensor(BASE, order=np.eye(6)[[1, 0, 2, 3, 4, 5]], delay=0.1)
-    both = made([_change("a", stated, scaled), _change("b", stated, swapped)], stated)
+    both = with_changes([_change("a", stated, scaled), _change("b", stated, swapped)], stated)
     assert both.mass == heavier.mass
     assert both.robot == stated.robot
     np.testing.assert_array_equal(both.gain, -1.0)
     np.testing.assert_allclose(both.sensors[BASE].order, 2.0 * np.eye(6)[[1, 0, 2, 3, 4, 5]])
     assert both.sensors[BASE].delay == 0.1
-    alone = made([_change("b", scaled, both)], stated)
+    alone = with_changes([_change("b", scaled, both)], stated)
     np.testing.assert_allclose(alone.sensors[BASE].order, swapped.sensors[BASE].order)
 
 
