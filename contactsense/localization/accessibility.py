@@ -24,13 +24,11 @@ from contactsense.robots.surface.convex_primitives import Surfaces, out_of_reach
 from contactsense.robots.vectors import Vector, add_scaled, dot, scale, tangents, vector
 from contactsense.solvers.posterior.contact_prior import Prior
 
-CLEARANCE_SIGMAS = 3.9
-"""A place is fully accessible if its clearance exceeds this many standard deviations.
-
-`CURVATURE_MARGIN` times the radius of the widest ring.
-"""
 CURVATURE_MARGIN = 1.1
 """Factor on the radius of a ring within which no other primitive may lie; allows for curvature."""
+CLEARANCE_SIGMAS = CURVATURE_MARGIN * QUADRATURE_RINGS[2][0]
+"""A place is fully accessible if its clearance exceeds this many standard deviations: beyond the widest ring
+nothing counts."""
 FULL_CLEARANCE_SIGMAS = CURVATURE_MARGIN * QUADRATURE_RINGS[1][0]
 """A candidate is not changed if its clearance exceeds this many standard deviations: beyond the second ring
 lies one percent of the weight."""

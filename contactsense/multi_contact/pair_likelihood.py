@@ -78,7 +78,7 @@ def take_first_contacts(b: int, link: int, deviations: tuple[float, float], seed
     F, D, M, hf, hm, gain, det, _ = without_moment(
         A, B, C, (h[0], h[1], h[2]), (h[3], h[4], h[5]), 1.0 / seeding.moment_deviation[link] ** 2
     )
-    volume = deviations[0] * deviations[0] * deviations[1] ** 4
+    volume = force_volume(deviations)
     for j in range(LANES):
         x, y, z = first[CX + j], first[CY + j], first[CZ + j]
         K = force_precision(

@@ -18,6 +18,7 @@ from contactsense.service.reactions.engine import Engine
 from contactsense.service.reactions.executor_client import ExecutorClient
 from contactsense.service.reactions.health import ActionHealth
 from contactsense.service.reactions.lowered_slider import RECIPE, LoweredSlider, as_percent
+from contactsense.service.reactions.program_signals import ProgramSignals
 from contactsense.service.reactions.rtde_inputs import RtdeInputs
 from contactsense.service.reactions.rules import RTDE_PORT, ReactionRules
 from contactsense.types import Estimate, Sample
@@ -42,6 +43,7 @@ class ReactionListener:
         self._reports: deque[dict[str, Any]] = deque(maxlen=REPORTS)
         self._registers, self._registers_name = _only(rules, RegistersAction)
         slider, self._slider_name = _only(rules, SpeedSliderAction)
+        self._signals = ProgramSignals(rules.inputs)
         self._inputs = self._open_inputs(host, slider)
         self._slider = None
         if slider is not None and self._inputs is not None:
@@ -57,7 +59,6 @@ class ReactionListener:
         self._began: float | None = None
         self._t: float | None = None  # of the newest sample
         self._restored = self._informed = False
-        self._inputs_before: dict[str, int] = {}
         self._report_state(started=True)
 
     def receive(self, sample: Sample, estimate: Estimate) -> None:
@@ -172,8 +173,7 @@ class ReactionListener:
             recipes["registers"] = self._registers.names
         if slider is not None:
             recipes[RECIPE] = SLIDER
-        inputs = self._rules.inputs
-        outputs = [name for name in (inputs.acknowledge, inputs.announce) if name is not None]
+        outputs = list(self._signals.names)
         if slider is not None:
             outputs.append(SLIDER_READING)
         if host is None or not (recipes or outputs):
@@ -250,21 +250,15 @@ class ReactionListener:
 
     def _read_inputs(self) -> None:
         assert self._inputs is not None
-        inputs, values = self._rules.inputs, self._inputs.values
-        for name in (inputs.acknowledge, inputs.announce):
-            if name is None or name not in values:
-                continue
-            value, before = int(values[name]), self._inputs_before.get(name)
-            self._inputs_before[name] = value
-            if before is None or value == before:
-                continue
-            if name == inputs.acknowledge and before == 0:
-                self.acknowledge(None, f"the robot program ({name})")
-            elif name == inputs.announce:
-                expected = self._engine.by_value(value)
-                self.withdraw(None)
-                if expected is not None:
-                    self.announce(expected)
+        values = self._inputs.values
+        if self._signals.acknowledged(values):
+            self.acknowledge(None, f"the robot program ({self._rules.inputs.acknowledge})")
+        value = self._signals.announced(values)
+        if value is not None:
+            self.withdraw(None)
+            expected = self._engine.by_value(value)
+            if expected is not None:
+                self.announce(expected)
 
     def _note_connection(self) -> None:
         """Set the state of registers and speed slider from the state of their connection."""

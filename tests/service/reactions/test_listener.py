@@ -94,14 +94,14 @@ def test_the_robot_program_acknowledges_by_a_bit(play: Play) -> None:
     play.step(estimate(0.2, contact(newtons=60.0)))
     play.until(lambda: play.code() == 42)
     play.server.controller.set_output("output_bit_register_70", (False,))
-    play.until(lambda: play.listener._inputs_before["output_bit_register_70"] == 0)
+    play.until(lambda: play.listener._signals._last["output_bit_register_70"] == 0)
     assert play.code() == 42
     assert len(play.events("acknowledged")) == 1
 
 
 def test_the_robot_program_announces_a_contact(play: Play) -> None:
     play.step(estimate(0.0))
-    play.until(lambda: "output_int_register_20" in play.listener._inputs_before)
+    play.until(lambda: "output_int_register_20" in play.listener._signals._last)
     play.server.controller.set_output("output_int_register_20", (3,))
     play.until(lambda: play.state()["expected"] == ["insert"])
     play.step(estimate(0.1, contact(newtons=60.0)))
