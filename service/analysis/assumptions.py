@@ -1,6 +1,7 @@
 """The assumptions of an analysis, in words."""
 
 from contactsense.scene import Scene
+from contactsense.service.scene.summary import surface_in_words
 
 
 def assumptions(scene: Scene) -> list[str]:
@@ -27,8 +28,7 @@ def assumptions(scene: Scene) -> list[str]:
     found += [
         f"Contacts push on the surface; friction coefficient {scene.friction:g}; forces of about "
         f"{scene.force:g} N are usual; torsion of about {1e3 * scene.torsion:g} mm times the normal force.",
-        f"Surface: detail {scene.detail}, off the real one by {1e3 * scene.surface_deviation:g} mm (standard "
-        "deviation).",
+        f"Surface: {surface_in_words(scene)}.",
         f"At most {most} at a time.",
         f"Forces are low-passed at {scene.bandwidth:g} Hz: shorter impacts appear smaller and longer.",
         f"False alarms from noise alone: {scene.false_alarms_per_hour:g} per hour.",

@@ -48,6 +48,9 @@ click.version_option(package_name="contactsense")(cli)
 
 def main() -> None:
     """Run the command line: exit status 0 on success, 1 on failure, 2 on wrong usage; one line per error."""
+    # Read when numpy is imported. Matrices are small here: threads for one mostly wait, and where other
+    # processes work beside, `check` takes several times as long with them.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # Like Ctrl-C: commands end their processes and close their files.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:

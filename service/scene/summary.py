@@ -51,7 +51,7 @@ def summarize(scene: Scene, q: np.ndarray) -> tuple[Line, ...]:
         Line("joint_torque", _torque(scene)),
         *_link_sensors(scene),
         Line("touchable", _touchable(scene)),
-        Line("surface", _surface(scene)),
+        Line("surface", surface_in_words(scene)),
         Line(
             "contacts",
             f"up to {scene.contacts} at a time; {scene.false_alarms_per_hour:g} false alarms per hour",
@@ -60,7 +60,8 @@ def summarize(scene: Scene, q: np.ndarray) -> tuple[Line, ...]:
     return tuple(lines)
 
 
-def _surface(scene: Scene) -> str:
+def surface_in_words(scene: Scene) -> str:
+    """The level of detail, and how far the surface of the scene is from the skin of the links."""
     coarse = scene.detail == "coarse"
     cells = [link.coarse_deviation if coarse else link.deviation for link in scene.robot.links]
     if scene.surface_error is None and any(cells):

@@ -18,7 +18,7 @@ def in_words(estimate: Estimate | None) -> str:
     elif estimate.other > 0.0:
         lines = ["**Something acts on the arm; no single push explains it.**"]
     elif estimate.status == "degraded":
-        lines = ["**Contacts cannot be determined.**"]
+        lines = ["**No contact detected, but one may be missed.**"]
     else:
         lines = ["**No contact detected.**"]
         if math.isfinite(estimate.detectable):

@@ -42,6 +42,23 @@ def contactsense(*arguments: str) -> subprocess.Popen[str]:
     )
 
 
+def test_commands_use_one_thread_for_linear_algebra(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+    script = """
+import os, sys
+from contactsense.service.cli.main import main
+assert "numpy" not in sys.modules  # the number is read when it is imported
+try:
+    main()
+finally:
+    print(os.environ["OPENBLAS_NUM_THREADS"])
+"""
+    result = subprocess.run(
+        [sys.executable, "-c", script, "--version"], capture_output=True, text=True, timeout=250, check=True
+    )
+    assert result.stdout.splitlines()[-1] == "1"
+
+
 def run(*arguments: str) -> tuple[int, str, str]:
     process = contactsense(*arguments)
     out, err = process.communicate(timeout=250)

@@ -24,7 +24,7 @@ def test_without_contact_they_tell_what_would_be_noticed() -> None:
 def test_blind_is_not_nothing() -> None:
     blind = replace(estimate(SCENE), status="degraded", reason="no sensor has a value in this sample")
     assert in_words(blind).startswith(
-        "**Degraded.** **Contacts cannot be determined.**\n\nno sensor has a value"
+        "**Degraded.** **No contact detected, but one may be missed.**\n\nno sensor has a value"
     )
 
 
