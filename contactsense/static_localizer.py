@@ -1,14 +1,14 @@
 """`StaticLocalizer`: explains measurements of an arm at rest, each independent of all others."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext
-from typing import Literal, get_args
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from typing import Any, Literal, get_args
 
 import numpy as np
 
 from contactsense.detection.thresholds import SampleThresholds
 from contactsense.kinematics.simd_kinematics import empty_lanes
-from contactsense.multi_contact.locator import MultiContactLocator
+from contactsense.multi_contact.locator import SEVERAL_CONTACTS, MultiContactLocator
 from contactsense.output.batch import Batch, batch_of
 from contactsense.output.estimate_builder import EstimateBuilder
 from contactsense.plausibility.plausible_limits import PlausibleLimits
@@ -190,7 +190,8 @@ class StaticLocalizer:
         if count == UNTOUCHED:
             return self._estimate_builder.without_contacts(0.0, "none")
         if look_for_sets and self._locator is not None:
-            multiple = self._locator.explain(usable, contacts, known, drift)
+            with self._shown(SEVERAL_CONTACTS):
+                multiple = self._locator.explain(usable, contacts, known, drift)
             if known or len(multiple.contacts) > 1:
                 return multiple
             self._locate_once(readings, sensor_bits, options & ~(CHECKED | DETECT_ONLY), threshold)
@@ -291,10 +292,13 @@ class StaticLocalizer:
                     lanes,
                 )  # fmt: skip
 
-        kernel = batch_intrinsic if self._intrinsic else batch
-        with nullcontext() if loaded(kernel) else shown_compilation((kernel,), self._progress):
+        with self._shown((batch_intrinsic if self._intrinsic else batch,)):
             explain_rows(explain, n, self._buffers, jobs)
         return batch_of(best, link_probability, no_contact_energy > self._thresholds.threshold(usable))
+
+    def _shown(self, kernels: tuple[Any, ...]) -> AbstractContextManager[object]:
+        """Shows the compilation of kernels that the localizer has not needed so far."""
+        return nullcontext() if all(map(loaded, kernels)) else shown_compilation(kernels, self._progress)
 
     def _given_sensors(self, given: tuple[np.ndarray | None, ...], links: Mapping[str, np.ndarray]) -> Usable:
         base, torque = given[0] is not None, given[1] is not None

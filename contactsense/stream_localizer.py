@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from contactsense.multi_contact.contact_set_builder import ContactSetBuilder
-from contactsense.multi_contact.kernels import explain_contact_sets
-from contactsense.multi_contact.marginal_probabilities import state_marginal_probabilities
+from contactsense.multi_contact.locator import SEVERAL_CONTACTS
 from contactsense.multi_contact.tracker import MultiContactTracker
 from contactsense.output.degraded_reason import SET_BACK, degraded_reason
 from contactsense.plausibility.stream_screening import StreamScreening
@@ -56,8 +55,7 @@ def kernels_of(scene: Scene, method: Method = "joint") -> tuple[Any, ...]:
     kernels: tuple[Any, ...] = (process,)
     if method == "intrinsic":
         kernels += (localize_intrinsic, batch_intrinsic)
-    several = explain_contact_sets, state_marginal_probabilities
-    return (*kernels, *several) if scene.contacts > 1 else kernels
+    return (*kernels, *SEVERAL_CONTACTS) if scene.contacts > 1 else kernels
 
 
 class StreamLocalizer(StaticLocalizer):

@@ -110,7 +110,8 @@ def test_the_first_touch_in_python_runs(capsys: pytest.CaptureFixture[str]) -> N
     text = (ROOT / "docs" / "first_touch.md").read_text(encoding="utf-8")
     for code in re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL):
         exec(compile(code, "docs/first_touch.md", "exec"), {})
-    assert capsys.readouterr().out.strip()
+    printed = [line.rstrip() for line in capsys.readouterr().out.splitlines()]
+    assert printed == re.findall(r"^    (\d\.\d\d s: .*)$", text, flags=re.MULTILINE)
 
 
 def test_the_scene_of_a_cell_loads(tmp_path: Path) -> None:

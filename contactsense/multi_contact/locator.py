@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from contactsense.multi_contact.buffers import (
 )
 from contactsense.multi_contact.contact_set_builder import ContactSetBuilder, ContactSets
 from contactsense.multi_contact.kernels import explain_contact_sets
+from contactsense.multi_contact.marginal_probabilities import state_marginal_probabilities
 from contactsense.output.estimate_builder import EstimateBuilder
 from contactsense.robots.jit.direct_call import direct_call
 from contactsense.robots.surface.signed_distance_grid import Skin
@@ -23,6 +24,9 @@ from contactsense.runtime.result_rows import WIDTH
 from contactsense.scene import Scene
 from contactsense.sensors.usable_sensors import Usable
 from contactsense.types import Contact, Estimate
+
+SEVERAL_CONTACTS: tuple[Any, ...] = explain_contact_sets, state_marginal_probabilities
+"""Compiled functions that Python calls in search of several contacts."""
 
 
 class KnownContact(NamedTuple):

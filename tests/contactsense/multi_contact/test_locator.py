@@ -1,13 +1,23 @@
 """Several contacts with `Localizer.locate`: invariants, degenerate cases, invalid input."""
 
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from contactsense import Contact, Estimate, JointTorqueSensor, Localizer, Scene, WrenchSensor
+from contactsense import (
+    Contact,
+    Estimate,
+    JointTorqueSensor,
+    Localizer,
+    Scene,
+    WrenchSensor,
+    static_localizer,
+)
 from contactsense.benchmarks.multi_contact.measure import match
 from contactsense.benchmarks.multi_contact.trials import Push, Trial, Trials
+from contactsense.multi_contact.locator import SEVERAL_CONTACTS
 from tests.plain_arm import plain_ur5e
 
 ARM = plain_ur5e()
@@ -102,6 +112,23 @@ def test_values_that_are_not_finite_are_refused(ordinary: Localizer) -> None:
     trial, known = _trial_and_contact(ordinary)
     with pytest.raises(ValueError, match="base_wrench: expected finite numbers"):
         ordinary.locate(trial.q, base_wrench=np.full(6, np.nan), contacts=2, known=[known])
+
+
+def test_the_compilation_for_several_contacts_is_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A localizer for one contact compiles that search when it is first asked for."""
+    shown: list[tuple[object, ...]] = []
+
+    def record(kernels: tuple[object, ...], _: object) -> AbstractContextManager[None]:
+        shown.append(kernels)
+        return nullcontext()
+
+    localizer = Localizer(PRECISE)
+    monkeypatch.setattr(static_localizer, "loaded", lambda kernel: False)
+    monkeypatch.setattr(static_localizer, "shown_compilation", record)
+    trial, _ = _trial_and_contact(localizer)
+    assert not shown
+    _locate(localizer, trial, trial.pushes, contacts=2)
+    assert shown == [SEVERAL_CONTACTS]
 
 
 def test_a_second_contact_is_found_beside_a_known_one(precise: Localizer) -> None:
