@@ -44,7 +44,7 @@ from contactsense.tracking.contact_track import HOLD, NEW, NONE, SLIDE, end_cont
 from contactsense.types import Estimate, Event, EventKind, Phase, Sample
 
 _PHASES: dict[int, Phase] = {NONE: "", NEW: "new", HOLD: "hold", SLIDE: "slide"}
-NOT_FINITE = "time, positions or velocities are not finite or implausibly large: sample not used"
+NOT_FINITE = "time, positions or velocities are not finite or implausibly large; the sample is not used"
 _NO_VECTORS = (TypeError, ValueError, AttributeError, IndexError)
 """What is raised for a sample whose fields are no vectors of floats of the right size."""
 _EVENTS: dict[int, EventKind] = {HOLD: "hold", SLIDE: "slide"}
@@ -256,7 +256,7 @@ class StreamLocalizer(StaticLocalizer):
 
     def _not_used(self, t: float, flags: int, why: str) -> Estimate:
         """The estimate for a sample that is not used; `why`: what is unusable about it."""
-        reason = why if flags & UNUSABLE else "same time as the previous sample: sample not used"
+        reason = why if flags & UNUSABLE else "same time as the previous sample; the sample is not used"
         return self._estimate_builder.without_contacts(t, "degraded", reason)
 
     def _usable(self) -> Usable:

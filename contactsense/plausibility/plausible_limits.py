@@ -224,12 +224,14 @@ class PlausibleLimits:
                 if self._is_near(force, other) and self._is_own_weight(q, sign * wrench):
                     return Implausible(
                         "base_wrench",
-                        f"expected the contact's share alone (external=True), got the arm's own weight of "
-                        f"{self._weight:.0f} N{turned}; raw readings need external=False",
+                        "expected the contact's share alone, as external is true, got the arm's own weight "
+                        f"of {self._weight:.0f} N{turned}; for raw readings external must be false",
                     )
             return None
         if self._is_near(force, _NO_FORCE) and dist(force, weight) > USUAL_PUSH:
-            advice = "is the sensor tared (base_wrench.bias), or is the weight subtracted (external=True)?"
+            advice = (
+                "is the sensor tared (base_wrench.bias), or is the weight subtracted (external must be true)?"
+            )
         elif self._is_near(force, self._opposite_force):
             advice = "it has the opposite sign (base_wrench.sign)"
         else:

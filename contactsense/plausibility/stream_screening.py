@@ -158,7 +158,7 @@ class StreamScreening:
 
     def _note(self, field: str, reason: str) -> str:
         """Keep the first reason of each field; returns it with its field."""
-        text = f"{field}: {reason}: " + ("sample not used" if field == "q" else "it is not used")
+        text = f"{field}: {reason}; the {'sample' if field == 'q' else 'reading'} is not used"
         self.first.setdefault(field, text)
         return text
 

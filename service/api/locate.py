@@ -63,10 +63,6 @@ def _check(sample: messages.SampleIn, here: Scene, prefix: str) -> None:
             raise FieldRefusedError(
                 prefix + name, f"expected {n} numbers, one per joint of {here.robot.name}, got {len(value)}"
             )
-    if sample.base_wrench is None and sample.joint_torque is None:
-        raise FieldRefusedError(
-            prefix + "base_wrench", "expected base_wrench or joint_torque or both, got neither"
-        )
     absent = [
         name
         for name in ("base_wrench", "joint_torque")
@@ -77,4 +73,8 @@ def _check(sample: messages.SampleIn, here: Scene, prefix: str) -> None:
     for name in absent:
         raise FieldRefusedError(
             prefix + name, f"the scene has no such sensor; leave it out or add {name} to the scene"
+        )
+    if sample.base_wrench is None and sample.joint_torque is None:
+        raise FieldRefusedError(
+            prefix + "base_wrench", "expected base_wrench or joint_torque or both, got neither"
         )

@@ -83,7 +83,7 @@ class SampleDecoder:
             raise MessageError("", f"expected at most {MAX_SAMPLE} bytes for a sample, got {size}")
         if not _FIELDS.issuperset(content):
             unknown = next(name for name in content if name not in _FIELDS)
-            raise MessageError(f"{unknown!s:.40}", f"expected fields of {', '.join(sorted(_FIELDS))}")
+            raise MessageError(f"{unknown!s:.40}", f"unknown field (known: {', '.join(sorted(_FIELDS))})")
         for name in _REQUIRED:
             if name not in content:
                 raise MessageError(name, "expected a value, the field is missing")
@@ -124,7 +124,7 @@ class SampleDecoder:
     def _vector(self, name: str, value: Any) -> np.ndarray:
         size = self._sizes.get(name, 6)
         if not isinstance(value, list) or len(value) != size:
-            got = f"{len(value)} of them" if isinstance(value, list) else _kind(value)
+            got = f"{len(value)}" if isinstance(value, list) else _kind(value)
             what = (
                 f"{size} numbers"
                 if name not in _BY_JOINT

@@ -124,7 +124,7 @@ def test_a_push_from_elsewhere_is_not_the_table() -> None:
     [
         (
             {"bodies": [{"name": "table", "primitives": []}]},
-            r"^bodies\[0\]\.primitives: .*at least 1, there are 0",
+            r"^bodies\[0\]\.primitives: .*a length of at least 1, got 0",
         ),
         (
             {

@@ -49,7 +49,7 @@ def test_positions_in_degrees_are_told(ordinary: Localizer) -> None:
     for estimate in answers(ordinary, samples):
         assert estimate.status == "degraded"
         assert estimate.reason.startswith("q: expected positions in rad, shoulder_lift_joint within")
-        assert estimate.reason.endswith("are they in degrees?: sample not used")
+        assert estimate.reason.endswith("are they in degrees?; the sample is not used")
 
 
 def test_torques_beyond_the_joints_are_not_used_and_told(ordinary: Localizer) -> None:
@@ -205,7 +205,7 @@ def test_a_recording_is_screened_as_the_stream_is(factor: float) -> None:
 def _marks(estimate: Estimate) -> tuple[bool, bool, bool]:
     """Whether sample, base wrench and joint torques were not used."""
     return (
-        "sample not used" in estimate.reason,
+        "the sample is not used" in estimate.reason,
         "base_wrench: " in estimate.reason,
         "joint_torque: " in estimate.reason,
     )

@@ -105,7 +105,7 @@ def test_raw_readings_are_not_taken_for_a_contact(idle: httpx.Client) -> None:
     assert answer.status_code == 422
     (error,) = ErrorOut.model_validate(answer.json()).errors
     assert error.field == "samples[1].base_wrench"
-    assert "raw readings need external=False" in error.reason
+    assert "for raw readings external must be false" in error.reason
 
 
 @pytest.mark.parametrize(
@@ -137,7 +137,7 @@ GOOD = {"q": POSTURE, "base_wrench": ZERO6}
         (json.dumps(GOOD).replace("-1.3", "1e999"), "q[1]", "finite number, got inf"),
         (json.dumps(GOOD).replace("-1.3", '"-1.3"'), "q[1]", "number, got '-1.3'"),
         (json.dumps(GOOD).replace("-1.3, ", ""), "q", "expected 6 numbers, one per joint of ur5e, got 5"),
-        (json.dumps({**GOOD, "base_wrench": [0.0]}), "base_wrench", "at least 6, there are 1"),
+        (json.dumps({**GOOD, "base_wrench": [0.0]}), "base_wrench", "a length of at least 6, got 1"),
         (json.dumps({**GOOD, "joint_torque": [0.0]}), "joint_torque", "expected 6 numbers"),
         (json.dumps({**GOOD, "torque": 1}), "torque", "unknown field (did you mean joint_torque?), got 1"),
         (json.dumps({**GOOD, "one": 1}), "one", "unknown field (known: "),
@@ -145,8 +145,9 @@ GOOD = {"q": POSTURE, "base_wrench": ZERO6}
         (json.dumps({**GOOD, "external": "no"}), "external", "expected true or false, got 'no'"),
         (json.dumps({**GOOD, "wrist_wrench": ZERO6}), "wrist_wrench", "the scene has no such sensor"),
         (json.dumps({"q": POSTURE}), "base_wrench", "got neither"),
+        (json.dumps({"q": POSTURE, "wrist_wrench": ZERO6}), "wrist_wrench", "the scene has no such sensor"),
         (json.dumps({"base_wrench": ZERO6}), "q", "the field is missing"),
-        (json.dumps({"samples": []}), "samples", "at least 1, there are 0"),
+        (json.dumps({"samples": []}), "samples", "a length of at least 1, got 0"),
         (json.dumps({"samples": [GOOD, {**GOOD, "q": [0.0]}]}), "samples[1].q", "expected 6 numbers"),
         (json.dumps({"samples": [GOOD, {**GOOD, "q": None}]}), "samples[1].q", "list, got null"),
         (json.dumps({**GOOD, "\ud800": 1}), "", "unicode"),

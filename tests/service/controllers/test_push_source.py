@@ -78,7 +78,7 @@ def test_why_messages_are_refused_is_told(
         assert source.health.trouble == (
             "the controller at WS /v1/track has sent no usable sample for 0 s; the controller's messages "
             "are refused, the latest one because of q: expected a list of 6 numbers, one per joint of ur5e, "
-            "got 5 of them"
+            "got 5"
         )
 
 

@@ -123,7 +123,7 @@ def test_a_missing_file_is_named() -> None:
         ("{type: webhook, url: 'http://h/'}", "expected either secret or secret_file, got neither"),
         ("{type: webhook, url: 'http://h/', secret: hunter2}", "secret: expected whsec_"),
         ("{type: webhook, url: 'ftp://h/', secret_file: f}", "url: expected text that matches"),
-        ("{type: command, command: []}", "command: expected at least 1, there are 0"),
+        ("{type: command, command: []}", "command: expected a length of at least 1, got 0"),
         ("{type: dashboard, command: unlock protective stop}", "command: expected"),
         ('{type: dashboard, command: popup, text: "a\\nplay"}', "text: expected text that matches"),
         (
