@@ -86,6 +86,23 @@ def test_a_reload_takes_a_good_scene_and_leaves_a_bad_one(tmp_path: Path) -> Non
     assert service.health().reload == service.reloaded
 
 
+def test_reloads_at_the_same_time_leave_one_delivery_of_each_webhook(tmp_path: Path) -> None:
+    path = tmp_path / "scene.yaml"
+    path.write_text("robot: ur5e\n")
+    (tmp_path / "reactions.yaml").write_text(
+        "actions: {tell: {type: webhook, url: 'http://127.0.0.1:1/', secret: whsec_" + 32 * "A" + "}}\n"
+        "rules: [{name: a, links: [any], contact: {force: 5, actions: [tell]}}]\n"
+    )
+    service = create_app(Settings(scene=path)).state.service
+
+    async def reload() -> list[str]:
+        async with service.running():
+            await asyncio.gather(service.reload(), service.reload())
+            return [task.get_name() for task in asyncio.all_tasks()]
+
+    assert asyncio.run(reload()).count("deliveries of webhook tell") == 1
+
+
 def test_rules_beside_the_scene_are_reloaded_and_may_forbid_it(tmp_path: Path) -> None:
     path, rules = tmp_path / "scene.yaml", tmp_path / "reactions.yaml"
     path.write_text("robot: ur5e\n")
