@@ -115,6 +115,15 @@ class Broken(Steady):
         raise ValueError("no such field")
 
 
+class Overflowing(Steady):
+    """Raises after more estimates than the connection holds at once."""
+
+    def poll(self, timeout: float) -> list[Sample]:
+        if self._count:
+            raise ValueError("no such field")
+        return super().poll(timeout)
+
+
 class Hasty(Steady):
     """Samples as fast as they are taken."""
 
