@@ -66,7 +66,7 @@ class Steady:
     @property
     def health(self) -> SourceHealth:
         robot = StreamHealth(state=self.state, error=self.error, received=self._count)
-        return SourceHealth(robot, None, 0, 0, 0.0)
+        return SourceHealth(robot, wrench=None, unusable=0, without_wrench=0)
 
     def close(self) -> None:
         pass

@@ -92,7 +92,8 @@ class Ten:
 
     @property
     def health(self) -> SourceHealth:
-        return SourceHealth(StreamHealth(state="streaming", received=10, lost=2), None, 3, 4, 0.0)
+        robot = StreamHealth(state="streaming", received=10, lost=2)
+        return SourceHealth(robot, wrench=None, unusable=3, without_wrench=4)
 
     def poll(self, timeout: float) -> list[Sample]:
         self.calls += 1
@@ -186,7 +187,6 @@ def test_each_sensor_on_the_network_has_its_state() -> None:
         wrench("streaming", "", 499, 0),
         unusable=0,
         without_wrench=0,
-        wrench_age=0.001,
         links={"link_wrenches.elbow": wrench("waiting", "no answer", 7, 3)},
     )
     told = _as_message(health, ErrorTimes(lambda: "2026-01-01T00:00:00Z"))
