@@ -13,6 +13,12 @@ from typing import NamedTuple
 
 import pynetft
 
+from contactsense.sensors.force_units import (
+    KILOGRAM_FORCE,
+    POUND_FORCE,
+    POUND_FORCE_FOOT,
+    POUND_FORCE_INCH,
+)
 from contactsense.service.sensors.host_names import HostName
 from contactsense.service.sensors.robot_stream import Backoff, SensorError, State
 
@@ -30,17 +36,17 @@ _RETRY = 0.5
 _NEWTON = {
     pynetft.ForceUnit.NEWTON: 1.0,
     pynetft.ForceUnit.KILO_NEWTON: 1e3,
-    pynetft.ForceUnit.KILOGRAM_FORCE: 9.80665,
-    pynetft.ForceUnit.POUND_FORCE: 4.4482216152605,
-    pynetft.ForceUnit.KILO_POUND_FORCE: 4448.2216152605,
+    pynetft.ForceUnit.KILOGRAM_FORCE: KILOGRAM_FORCE,
+    pynetft.ForceUnit.POUND_FORCE: POUND_FORCE,
+    pynetft.ForceUnit.KILO_POUND_FORCE: 1e3 * POUND_FORCE,
 }
 _NEWTON_METRE = {
     pynetft.TorqueUnit.NEWTON_METER: 1.0,
     pynetft.TorqueUnit.NEWTON_MILLIMETER: 1e-3,
     pynetft.TorqueUnit.KILO_NEWTON_METER: 1e3,
-    pynetft.TorqueUnit.KILOGRAM_FORCE_CENTIMETER: 0.0980665,
-    pynetft.TorqueUnit.POUND_FORCE_INCH: 0.1129848290276167,
-    pynetft.TorqueUnit.POUND_FORCE_FOOT: 1.3558179483314004,
+    pynetft.TorqueUnit.KILOGRAM_FORCE_CENTIMETER: 1e-2 * KILOGRAM_FORCE,
+    pynetft.TorqueUnit.POUND_FORCE_INCH: POUND_FORCE_INCH,
+    pynetft.TorqueUnit.POUND_FORCE_FOOT: POUND_FORCE_FOOT,
 }
 _STATES: dict[pynetft.ClientState, State] = {
     pynetft.ClientState.STOPPED: "closed",
