@@ -2,23 +2,27 @@
 
 from dataclasses import replace
 
+from contactsense.sensors.force_units import (
+    KILOGRAM_FORCE,
+    POUND_FORCE,
+    POUND_FORCE_FOOT,
+    POUND_FORCE_INCH,
+)
 from contactsense.setup_check.setup import SCALED, Setup
 
 Starts = tuple[tuple[str, Setup], ...]
 """As `Hypothesis.starts`."""
 
-_POUND, _INCH, _G = 4.4482216152605, 0.0254, 9.80665
-"""Pound-force [N], inch [m], and the force of a kilogram [N]."""
 TORQUE_UNITS = {
     "Ncm": 100.0,
     "mNm": 1000.0,
-    "kgf m": 1.0 / _G,
-    "kgf cm": 100.0 / _G,
-    "lbf ft": 1.0 / (_POUND * 12.0 * _INCH),
-    "lbf in": 1.0 / (_POUND * _INCH),
+    "kgf m": 1.0 / KILOGRAM_FORCE,
+    "kgf cm": 100.0 / KILOGRAM_FORCE,
+    "lbf ft": 1.0 / POUND_FORCE_FOOT,
+    "lbf in": 1.0 / POUND_FORCE_INCH,
 }
 """Values per newton metre."""
-FORCE_UNITS = {"kgf": 1.0 / _G, "lbf": 1.0 / _POUND, "mN": 1000.0}
+FORCE_UNITS = {"kgf": 1.0 / KILOGRAM_FORCE, "lbf": 1.0 / POUND_FORCE, "mN": 1000.0}
 """Values per newton."""
 MOMENT_UNITS = {**TORQUE_UNITS, "Nmm": 1000.0}
 _FORCES, _MOMENTS = (1.0, *FORCE_UNITS.values()), (1.0, *MOMENT_UNITS.values())

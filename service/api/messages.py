@@ -252,8 +252,16 @@ class PipelineHealth(BaseModel):
     )
     dropped: int = Field(0, description="Estimates that could not be handed over in time.")
     step: float | None = Field(None, description="Recent typical time per sample [s].")
-    listener_errors: int = Field(0, description="Exceptions of listeners, such as reactions or recorder.")
+    listener_errors: int = Field(
+        0,
+        description="Exceptions of listeners, such as reactions or recorder, and commands to them that were "
+        "refused.",
+    )
     last_listener_error: str = Field("", description="The latest of them.")
+    message_errors: int = Field(
+        0, description="Messages of the process that the web process could not handle, such as events."
+    )
+    last_message_error: str = Field("", description="Why the latest of them could not be handled.")
     step_counts: list[int] = Field(
         [],
         description="Steps by their time: up to 20, 50, 100, 200, 500 us, 1, 2, 5, 10, 100 ms, more.",

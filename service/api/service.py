@@ -268,6 +268,8 @@ class Service:
                 "estimate_age": runner.estimate_age,
                 "report_age": runner.report_age,
                 "handover": runner.handover,
+                "message_errors": runner.message_errors,
+                "last_message_error": runner.last_message_error,
             }
         )
         return HealthOut(

@@ -27,6 +27,8 @@ from contactsense.service.events.journal import JournalSettings
 from contactsense.service.logs import Format, Level
 from contactsense.service.reactions.state import ReactionSettings
 from contactsense.service.recordings.clip_listener import RecordingSettings
+from contactsense.service.sensors import netft_client as netft
+from contactsense.service.sensors import rtde_client as rtde
 from contactsense.service.sensors.network_wrench import WrenchSource
 
 
@@ -70,9 +72,9 @@ class LinkWrenchSettings(BaseModel):
 
     host: str | None = None
     """Address of a Net F/T sensor."""
-    port: Port = 49152
+    port: Port = netft.DEFAULT_PORT
     """RDT port of the sensor (UDP)."""
-    http_port: Port = 80
+    http_port: Port = netft.DEFAULT_HTTP_PORT
     """Port of the sensor's configuration page."""
     counts: Counts | None = None
     """The sensor's counts per N and per Nm, instead of reading the configuration page."""
@@ -101,7 +103,7 @@ class Settings(BaseModel):
     """Port to serve at; 0: any free port."""
     robot_host: str | None = None
     """Address of the robot's controller."""
-    robot_port: Port = 30004
+    robot_port: Port = rtde.DEFAULT_PORT
     """RTDE port of the robot's controller."""
     robot_client: Literal["rtde", "ur_rtde"] = "rtde"
     """Client that reads the robot: the built-in one, which loses no samples, or ur_rtde in its own
@@ -110,9 +112,9 @@ class Settings(BaseModel):
     """Robot samples per second [Hz]: 500 for e-Series, 125 for CB3."""
     ft_host: str | None = None
     """Address of the force/torque sensor under the base (Net F/T)."""
-    ft_port: Port = 49152
+    ft_port: Port = netft.DEFAULT_PORT
     """RDT port of the sensor (UDP)."""
-    ft_http_port: Port = 80
+    ft_http_port: Port = netft.DEFAULT_HTTP_PORT
     """Port of the sensor's configuration page."""
     ft_counts: Counts | None = None
     """The sensor's counts per N and per Nm, instead of reading the configuration page."""

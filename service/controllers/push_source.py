@@ -86,11 +86,10 @@ class PushSource:
         else:
             health.state = "streaming"
         return SourceHealth(
-            health,
-            None,
-            self._unusable,
-            self._without_wrench,
-            0.0,
+            robot=health,
+            wrench=None,
+            unusable=self._unusable,
+            without_wrench=self._without_wrench,
             recent=(*self._readings.trouble, *self._refusals()),
             reconnects=False,
         )

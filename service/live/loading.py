@@ -41,9 +41,10 @@ class Loading:
 
     def end(self) -> None:
         """Everything is loaded, or the process has ended."""
-        if 0.0 < self.share < 1.0 and self._on_loading is not None:
-            self._on_loading(CompilationProgress(1.0, 0.0))
+        compiling = 0.0 < self.share < 1.0
         self.share, self.left, self.advanced = 1.0, None, None
+        if compiling and self._on_loading is not None:
+            self._on_loading(CompilationProgress(1.0, 0.0))
 
     def __str__(self) -> str:
         """Progress in words; empty while nothing is compiled."""

@@ -8,7 +8,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
 from typing import Any, NamedTuple
@@ -20,8 +20,8 @@ from contactsense.service.api.estimate_json import estimate_json
 
 Numbers = Sequence[float]
 
-WAITING = 32
-"""Maximum number of requests that wait."""
+MAX_REQUESTS = 32
+"""Maximum number of requests at a time: the one that is being answered, and those that wait."""
 _NICE = 5
 """Nice value: static samples have lower priority than the processes of the stream."""
 _FIRST = 600.0
@@ -53,7 +53,7 @@ class LocateProcess:
         self._connection: Connection | None = None
         self._answered = False
         self._turn = asyncio.Lock()
-        self._waiting = 0
+        self._requests = 0
         self._lock = threading.Lock()
         self._closed = False
 
@@ -63,9 +63,11 @@ class LocateProcess:
         Raises:
             LocateError: Too many requests wait already, or the process failed.
         """
-        if self._waiting >= WAITING:
-            raise LocateError(f"{WAITING} requests are waiting already; try again later")
-        self._waiting += 1
+        if self._requests >= MAX_REQUESTS:
+            raise LocateError(
+                f"{MAX_REQUESTS} requests are being answered or waiting already; try again later"
+            )
+        self._requests += 1
         # A request that is cancelled keeps its turn until its answer has come: the next one would read it.
         return await asyncio.shield(self._locate_in_turn(list(samples), external))
 
@@ -74,7 +76,7 @@ class LocateProcess:
             async with self._turn:
                 return await asyncio.to_thread(self._ask, samples, external)
         finally:
-            self._waiting -= 1
+            self._requests -= 1
 
     async def start(self) -> None:
         """Start the process, which loads its kernels immediately."""
@@ -115,23 +117,47 @@ class LocateProcess:
         # No argument of the process, see `contactsense.service.process_argument`, and without the lock: a
         # large scene waits until the process has loaded its modules, and it may be killed before that. The
         # next request notices.
-        with contextlib.suppress(OSError):
+        with self._limited(_FIRST), contextlib.suppress(OSError):
             connection.send(scene)
         return connection
+
+    @contextlib.contextmanager
+    def _limited(self, seconds: float) -> Iterator[None]:
+        """Kill the process after this time [s]. That ends `recv`, and `send` too, which waits as long as a
+        process that hangs does not empty the pipe.
+
+        Raises:
+            LocateError: The time is over.
+        """
+        over = threading.Event()
+
+        def give_up() -> None:
+            over.set()
+            self._end()
+
+        timer = threading.Timer(seconds, give_up)
+        timer.daemon = True
+        timer.start()
+        try:
+            yield
+        except (OSError, EOFError) as error:
+            if not over.is_set():
+                raise
+            raise LocateError(
+                "no answer in time; the process that locates contacts is being restarted"
+            ) from error
+        finally:
+            timer.cancel()
 
     def _ask(self, samples: list[StaticSample], external: bool) -> list[bytes]:
         try:
             connection = self._started()
-            connection.send((samples, external))
-            if not connection.poll(_LATER if self._answered else _FIRST):
-                raise LocateError("no answer in time; the process that locates contacts is being restarted")
-            answer: Any = connection.recv()
+            with self._limited(_LATER if self._answered else _FIRST):
+                connection.send((samples, external))
+                answer: Any = connection.recv()
         except (OSError, EOFError) as error:
             self._end()
             raise LocateError("the process that locates contacts failed and is being restarted") from error
-        except LocateError:
-            self._end()
-            raise
         self._answered = True
         if isinstance(answer, str):
             raise LocateError(answer)

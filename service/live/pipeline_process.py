@@ -8,6 +8,7 @@ oldest are dropped and counted.
 
 import contextlib
 import json
+import select
 import socket
 import struct
 import sys
@@ -50,6 +51,9 @@ _TICK = 0.01
 """Longest wait for samples before listeners and commands have their turn [s]."""
 _MAX_COMMAND = 1 << 20
 """Largest command of the service [bytes]."""
+_FAREWELL = 10.0
+"""Longest time for the last words, which wait behind all other messages, to be sent [s]: a busy service reads
+late."""
 ANOTHER_SOURCE = f"a controller has connected anew: {NEW_STREAM}"
 """Why the estimation begins anew."""
 
@@ -123,12 +127,32 @@ class Outbox:
             except BlockingIOError:
                 return
 
+    def finish(self, patience: float) -> None:
+        """Send all that waits; gives up after `patience` seconds.
+
+        Raises:
+            OSError: The other end has been closed.
+        """
+        deadline = time.monotonic() + patience
+        poller = select.poll()
+        poller.register(self._connection, select.POLLOUT)
+        self.flush()
+        while self._begun and (left := deadline - time.monotonic()) > 0.0:
+            poller.poll(left * 1e3)
+            self.flush()
+
 
 class Inbox:
-    """Receives commands from the service: one JSON object per line."""
+    """Receives commands from the service: one JSON object per line.
 
-    def __init__(self, connection: socket.socket) -> None:
+    Args:
+        connection: Connection to the service; it does not block.
+        refuse: Called with the reason for each command that is left out.
+    """
+
+    def __init__(self, connection: socket.socket, refuse: Callable[[str], None]) -> None:
         self._connection = connection
+        self._refuse = refuse
         self._rest = b""
 
     def take(self) -> list[dict[str, Any]]:
@@ -141,10 +165,18 @@ class Inbox:
             chunk = self._connection.recv(1 << 16)
         except BlockingIOError:
             return []
-        if not chunk or len(self._rest) > _MAX_COMMAND:
+        if not chunk:
             raise BrokenPipeError
-        *lines, self._rest = (self._rest + chunk).split(b"\n")
-        return [json.loads(line) for line in lines]
+        *lines, rest = (self._rest + chunk).split(b"\n")
+        self._rest = rest[: _MAX_COMMAND + 1]  # enough to show that the command is too long
+        return [json.loads(line) for line in lines if self._accepts(line)]
+
+    def _accepts(self, line: bytes) -> bool:
+        if len(line) <= _MAX_COMMAND:
+            return True
+        begin = line[:40].decode(errors="replace")
+        self._refuse(f"command {begin}...: expected at most {_MAX_COMMAND} bytes, got more; it is left out")
+        return False
 
 
 class Listeners:
@@ -160,9 +192,9 @@ class Listeners:
         self._reporters = [listener for listener in listeners if isinstance(listener, Reporter)]
         self._outbox = outbox
         self.errors = 0
-        """Number of exceptions so far."""
+        """Number of exceptions so far, and of commands that were refused."""
         self.last_error = ""
-        """The latest exception, as text."""
+        """The latest exception or refusal, as text."""
 
     def receive(self, sample: Sample, estimate: Estimate) -> None:
         """Pass a sample and its estimate to all listeners."""
@@ -182,18 +214,35 @@ class Listeners:
         """Close all listeners."""
         self._each(self._listeners, lambda listener: listener.close())
 
+    def count_error(self, text: str) -> None:
+        """Count an error of the listeners or of their commands, for health."""
+        self.errors += 1
+        self.last_error = text
+
     def _each(self, listeners: Sequence[_L], call: Callable[[_L], None]) -> None:
         for listener in listeners:
-            try:
+            with self._counted(listener):
                 call(listener)
-            except Exception as error:
-                self.errors += 1
-                self.last_error = f"{type(listener).__name__}: {type(error).__name__}: {error}"
+
+    @contextlib.contextmanager
+    def _counted(self, listener: object) -> Iterator[None]:
+        try:
+            yield
+        except Exception as error:
+            self.count_error(f"{type(listener).__name__}: {type(error).__name__}: {error}")
 
     def _send_reports(self, t: float) -> None:
-        for reporter in self._reporters:
+        messages: list[bytes] = []
+
+        def collect(reporter: Reporter) -> None:
             for report in reporter.take_reports():
-                self._outbox.post(REPORT, t, json.dumps(report).encode())
+                with self._counted(reporter):  # a report that is no JSON loses none of the others
+                    messages.append(json.dumps(report).encode())
+
+        self._each(self._reporters, collect)
+        for message in messages:
+            # The end of the service is no error of a listener.
+            self._outbox.post(REPORT, t, message)
 
 
 def work(
@@ -220,13 +269,15 @@ def work(
                 contextlib.closing(open_source(scene)) as source,
                 contextlib.closing(Listeners([make(scene) for make in factories], outbox)) as listeners,
             ):
+                inbox = Inbox(connection, listeners.count_error)
                 prefer_low_latency()
-                run(source, localizer, outbox, listeners, Inbox(connection), scheduling)
+                run(source, localizer, outbox, listeners, inbox, scheduling)
         except (BrokenPipeError, ConnectionResetError):
             raise
         except Exception as error:
             traceback.print_exc()
             outbox.post(LAST_WORDS, 0.0, f"{type(error).__name__}: {error}".encode())
+            outbox.finish(_FAREWELL)
             sys.exit(1)
 
 

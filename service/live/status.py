@@ -1,6 +1,6 @@
 """State of the whole service, computed from ages and counters by a pure function."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 Status = Literal["ok", "degraded", "starting", "waiting", "failing", "idle"]
@@ -33,7 +33,7 @@ class Facts:
     """Why the latest estimate is degraded; empty if it is not."""
     doubt: str = ""
     """Why the scene is in doubt; empty if it is not."""
-    others: tuple[str, ...] = field(default=())
+    others: tuple[str, ...] = ()
     """Other problems in the service, such as a task that was restarted recently."""
 
 

@@ -13,7 +13,7 @@ import multiprocessing
 import os
 import socket
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from datetime import UTC, datetime
 from multiprocessing.process import BaseProcess
 from typing import Any, Literal
@@ -27,6 +27,7 @@ from contactsense.service.live.pipeline_process import (
     ESTIMATE,
     HEAD,
     HEALTH,
+    LAST_WORDS,
     LOADING,
     REPORT,
     ListenerFactory,
@@ -59,6 +60,8 @@ _LATE = 1.0
 """A delay of the event loop beyond this is reported [s]."""
 _PAUSE = (0.2, 5.0)
 """Time before a restart: after the first failure, and at most after repeated failures [s]."""
+_NAMES = {ESTIMATE: "estimate", HEALTH: "health", LOADING: "progress", REPORT: "report"}
+"""Kinds of messages in words."""
 
 
 class Runner:
@@ -111,6 +114,10 @@ class Runner:
         """Number of estimates received since the service started."""
         self.handover: float | None = None
         """Transfer time of the latest report from the process to the service [s]."""
+        self.message_errors = 0
+        """Number of messages of the process that could not be handled."""
+        self.last_message_error = ""
+        """The latest such error: kind of message, then the exception."""
         self._last_status: Status = "starting"
         self._status_log = StatusLog()
         self.others: Callable[[], Sequence[str]] = tuple
@@ -256,40 +263,55 @@ class Runner:
             await asyncio.wait([receiving])
 
     async def _receive(self, reader: asyncio.StreamReader, process: BaseProcess, silence: Silence) -> str:
+        """Take messages until the process ends; returns how it ended."""
         clock = asyncio.get_running_loop().time
-        try:
-            while True:
+        while True:
+            try:
                 kind, t, size = HEAD.unpack(await reader.readexactly(HEAD.size))
                 payload = await reader.readexactly(size)
-                silence.reset()
-                self._reported = clock()
-                if kind == LOADING:
-                    self.loading.take(payload, clock())
-                    continue
-                self.loading.end()
+            except (asyncio.IncompleteReadError, OSError):
+                return f"ended unexpectedly (exit code {await exit_code(process)})"
+            silence.reset()
+            self._reported = clock()
+            if kind == LAST_WORDS:
+                return f"failed ({payload.decode(errors='replace')})"
+            if kind != LOADING:
                 self.loaded.set()
-                if kind == ESTIMATE:
-                    self._estimated = self._reported
-                    self._latest.take(self._estimated, payload)
-                    self.estimates += 1
-                    self._on_estimate(t, payload)
-                elif kind == HEALTH:
-                    self._handle_message(payload, t)
-                elif kind == REPORT:
-                    if self._on_report is not None:
-                        self._on_report(json.loads(payload))
-                else:
-                    return f"failed ({payload.decode(errors='replace')})"
-        except (asyncio.IncompleteReadError, OSError):
-            code = await exit_code(process)
-            return f"ended unexpectedly (exit code {code})"
+                with self._counted(LOADING):
+                    self.loading.end()
+            with self._counted(kind):
+                self._take(kind, t, payload)
+
+    @contextlib.contextmanager
+    def _counted(self, kind: bytes) -> Iterator[None]:
+        """Log and count an exception: the process is healthy, and its next messages must not be lost."""
+        try:
+            yield
+        except Exception as error:
+            self.message_errors += 1
+            self.last_message_error = f"{_NAMES[kind]}: {type(error).__name__}: {error}"
+            log.exception("a message of the pipeline could not be handled: %s", self.last_message_error)
+
+    def _take(self, kind: bytes, t: float, payload: bytes) -> None:
+        """Handle a message; `t` is the time in its header [s]."""
+        if kind == LOADING:
+            self.loading.take(payload, self._reported)
+        elif kind == ESTIMATE:
+            self._estimated = self._reported
+            self._latest.take(self._estimated, payload)
+            self.estimates += 1
+            self._on_estimate(t, payload)
+        elif kind == HEALTH:
+            self._take_health(payload, t)
+        elif self._on_report is not None:
+            self._on_report(json.loads(payload))
 
     def _allowed_silence(self) -> float:
         if self._process != "starting":
             return _SILENCE
         return _FIRST_WORD if self.loading.advanced is None else _LOADING_SILENCE
 
-    def _handle_message(self, payload: bytes, sent: float) -> None:
+    def _take_health(self, payload: bytes, sent: float) -> None:
         self._process, self._end_reason = "running", ""
         report = json.loads(payload)
         restarts = self.pipeline.restarts

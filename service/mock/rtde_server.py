@@ -95,7 +95,7 @@ class RtdeServer:
         clock: SimClock,
         *,
         host: str = "127.0.0.1",
-        port: int = 30004,
+        port: int = PORT,
         delay: float = 0.0,
         drop_after: float = 10.0,
         sent: SentLog | None = None,

@@ -11,7 +11,7 @@ from contactsense.service.mock.netft_server import NetFtServer
 from contactsense.service.mock.playback import Feed, Playback, PlaybackWrench, SimClock
 from contactsense.service.mock.playback_controller import PlaybackController
 from contactsense.service.mock.received_log import ReceivedLog
-from contactsense.service.mock.rtde_server import RATE, RtdeServer
+from contactsense.service.mock.rtde_server import PORT, RATE, RtdeServer
 from contactsense.service.mock.sent_log import SentLog
 
 
@@ -20,7 +20,7 @@ class MockSettings:
     """Addresses and behaviour of the mock. Port 0: any free port."""
 
     host: str = "127.0.0.1"
-    rtde_port: int = 30004
+    rtde_port: int = PORT
     netft_port: int = 49152
     http_port: int = 49180
     version: tuple[int, int, int, int] = (5, 23, 0, 0)

@@ -142,7 +142,6 @@ class LiveSource:
         self._closed = False
         self.observer: RawObserver | None = None
         """Receives the raw data, if set."""
-        self._age = math.inf
 
     def poll(self, timeout: float) -> list[Sample]:
         """Samples received, oldest first; waits up to `timeout` seconds for the first.
@@ -164,7 +163,6 @@ class LiveSource:
             if self.observer is not None:
                 self.observer.robot(record, self._robot.slices, base.raw, base.age, sample)
             if sample is not None:
-                self._age = base.age
                 samples.append(sample)
         return samples
 
@@ -190,7 +188,14 @@ class LiveSource:
             if reader.network is not None
         }
         base = links.pop(_BASE, None)
-        return SourceHealth(robot, base, self._unusable, self._without_wrench, self._age, links, recent)
+        return SourceHealth(
+            robot=robot,
+            wrench=base,
+            unusable=self._unusable,
+            without_wrench=self._without_wrench,
+            links=links,
+            recent=recent,
+        )
 
     def close(self) -> None:
         """Close the connections to all sensors."""

@@ -13,8 +13,14 @@ from typing import NamedTuple
 
 import pynetft
 
+from contactsense.sensors.force_units import (
+    KILOGRAM_FORCE,
+    POUND_FORCE,
+    POUND_FORCE_FOOT,
+    POUND_FORCE_INCH,
+)
 from contactsense.service.sensors.host_names import HostName
-from contactsense.service.sensors.robot_stream import SensorError, State
+from contactsense.service.sensors.robot_stream import Backoff, SensorError, State
 
 DEFAULT_PORT = 49152
 DEFAULT_HTTP_PORT = 80
@@ -30,17 +36,17 @@ _RETRY = 0.5
 _NEWTON = {
     pynetft.ForceUnit.NEWTON: 1.0,
     pynetft.ForceUnit.KILO_NEWTON: 1e3,
-    pynetft.ForceUnit.KILOGRAM_FORCE: 9.80665,
-    pynetft.ForceUnit.POUND_FORCE: 4.4482216152605,
-    pynetft.ForceUnit.KILO_POUND_FORCE: 4448.2216152605,
+    pynetft.ForceUnit.KILOGRAM_FORCE: KILOGRAM_FORCE,
+    pynetft.ForceUnit.POUND_FORCE: POUND_FORCE,
+    pynetft.ForceUnit.KILO_POUND_FORCE: 1e3 * POUND_FORCE,
 }
 _NEWTON_METRE = {
     pynetft.TorqueUnit.NEWTON_METER: 1.0,
     pynetft.TorqueUnit.NEWTON_MILLIMETER: 1e-3,
     pynetft.TorqueUnit.KILO_NEWTON_METER: 1e3,
-    pynetft.TorqueUnit.KILOGRAM_FORCE_CENTIMETER: 0.0980665,
-    pynetft.TorqueUnit.POUND_FORCE_INCH: 0.1129848290276167,
-    pynetft.TorqueUnit.POUND_FORCE_FOOT: 1.3558179483314004,
+    pynetft.TorqueUnit.KILOGRAM_FORCE_CENTIMETER: 1e-2 * KILOGRAM_FORCE,
+    pynetft.TorqueUnit.POUND_FORCE_INCH: POUND_FORCE_INCH,
+    pynetft.TorqueUnit.POUND_FORCE_FOOT: POUND_FORCE_FOOT,
 }
 _STATES: dict[pynetft.ClientState, State] = {
     pynetft.ClientState.STOPPED: "closed",
@@ -92,10 +98,11 @@ class NetFtStream:
     """An endless stream of readings of a Net F/T sensor; pynetft retries a silent or absent sensor.
 
     pynetft rejects records whose sequence number is below the highest one seen. After a restart of the
-    sensor, or a record with damaged numbers, it would do so forever; a new client is then created.
+    sensor, or a record with damaged numbers, it would do so forever; a new client is then created, as for a
+    silent sensor whose name has got another address.
 
     Args:
-        host: Address of the sensor.
+        host: Name or address of the sensor.
         port: UDP port of its Raw Data Transfer.
         http_port: TCP port of its web server, which provides the counts per unit.
         counts: Counts per newton and per newton metre, instead of querying the web server.
@@ -121,20 +128,23 @@ class NetFtStream:
             calibration = pynetft.Calibration(
                 counts[0], counts[1], pynetft.ForceUnit.NEWTON, pynetft.TorqueUnit.NEWTON_METER
             )
+        self._config = pynetft.Config(
+            sensor_host=host,
+            rdt_port=port,
+            http_port=http_port,
+            receive_timeout=timeout,
+            reconnect_initial_delay=0.05,
+            reconnect_max_delay=_RETRY,
+            calibration_override=calibration,
+        )
         try:
-            self._config = pynetft.Config(
-                sensor_host=host,
-                rdt_port=port,
-                http_port=http_port,
-                receive_timeout=timeout,
-                reconnect_initial_delay=0.05,
-                reconnect_max_delay=_RETRY,
-                calibration_override=calibration,
-            )
+            pynetft.Client(self._config)  # only checks it: the name's address is not known yet
         except (pynetft.NetFTError, ValueError) as error:
             raise SensorError(f"{self._place}: {error}") from None
         self._name = HostName(host)
-        self._name_error = ""
+        self._address = ""
+        self._start_error = ""
+        self._backoff = Backoff(limit=_RETRY)
         self._client: pynetft.Client | None = None
         self._past = WrenchHealth("connecting", "", 0, 0, 0, 0, 0, 0, 0, 0, 0.0, None)
         self._restarts = 0
@@ -146,22 +156,35 @@ class NetFtStream:
 
     def _connect(self) -> None:
         """Start a client as soon as the sensor's address is known."""
-        if self._client is not None or self._closed:
+        if self._client is not None or self._backoff.wait(time.monotonic_ns()) > 0.0:
             return
         try:
             address = self._name.address()
         except SensorError as error:
-            self._name_error = f"{self._place}: {error}"
+            self._start_error = f"{self._place}: {error}"
             return
-        if address is None:
-            return
-        self._name_error = ""
+        if address is not None:
+            self._start(address)
+
+    def _start(self, address: str) -> None:
+        client = pynetft.Client(replace(self._config, sensor_host=address), queue_size=_QUEUE)
         try:
-            self._client = pynetft.Client(replace(self._config, sensor_host=address), queue_size=_QUEUE)
-            self._client.start()
-        except (pynetft.NetFTError, ValueError) as error:
-            raise SensorError(f"{self._place}: {error}") from None
+            client.start()
+        except (pynetft.NetFTError, RuntimeError) as error:
+            self._start_error = f"{self._place}: its client cannot be started: {error}"
+            self._backoff.failed(time.monotonic_ns())
+            return
+        self._client, self._address, self._start_error = client, address, ""
+        self._backoff.succeeded()
         self._delivered_at, self._refused_at_delivery = time.monotonic(), 0
+
+    def _restart(self, address: str, why: str) -> None:
+        assert self._client is not None
+        self._past = replace(self.health, error=f"{self._place} {why}")
+        # Stopping waits for the client's thread.
+        threading.Thread(target=self._client.stop, name="stop pynetft", daemon=True).start()
+        self._client = None
+        self._start(address)
 
     def _restart_where_stuck(self, now: float) -> None:
         assert self._client is not None
@@ -170,18 +193,28 @@ class NetFtStream:
         if now - self._delivered_at < _STUCK:
             self._refused_at_delivery = refused
         elif refused - self._refused_at_delivery >= _STUCK_RECORDS:
-            past = self.health
             self._restarts += 1
-            error = f"{self._place} counts its readings anew, as after a restart"
-            self._past = replace(past, error=error)
-            # Stopping waits for the client's thread.
-            threading.Thread(target=self._client.stop, name="stop pynetft", daemon=True).start()
-            self._client = None
-            self._connect()
+            self._restart(self._address, "counts its readings anew, as after a restart")
+
+    def _restart_where_moved(self) -> None:
+        """Look up the name of a silent sensor again, and read the sensor at its new address."""
+        if self._client is None or self._client.health().state == pynetft.ClientState.STREAMING:
+            return
+        try:
+            address = self._name.address()
+        except SensorError:
+            return  # without a resolver, the address that was found before is the best
+        if address == self._address:
+            self._name.forget()
+        elif address is not None:
+            self._restart(address, f"has another address: expected {self._address}, got {address}")
 
     def poll(self, timeout: float = 0.0) -> list[WrenchRecord]:
-        """Readings received, oldest first; waits up to `timeout` seconds for the first."""
+        """Readings received, oldest first; waits up to `timeout` seconds for the first. Raises nothing: the
+        health says why there are none."""
         records: list[WrenchRecord] = []
+        if self._closed:
+            return records
         self._connect()
         if self._client is None:
             return records
@@ -194,6 +227,7 @@ class NetFtStream:
         if now - self._look_at > 0.1:
             self._look_at = now
             self._restart_where_stuck(now)
+            self._restart_where_moved()
         return records
 
     @staticmethod
@@ -209,25 +243,12 @@ class NetFtStream:
                 if limit == 0:
                     return
 
-    def bias(self) -> None:
-        """Set the sensor's zero to its current reading, which also removes the arm's weight: seldom useful.
-
-        Raises:
-            SensorError: The sensor sends no data, so it cannot receive the request.
-        """
-        if self._client is None:
-            raise SensorError(f"{self._place} cannot be biased: it is not connected")
-        try:
-            self._client.bias()
-        except (pynetft.NetFTError, OSError) as error:
-            raise SensorError(f"{self._place} cannot be biased: {error}") from None
-
     @property
     def health(self) -> WrenchHealth:
         """Counters and the latest problem."""
         past = self._past
         if self._client is None:
-            error = self._name_error or past.error
+            error = self._start_error or past.error
             return replace(past, state="closed" if self._closed else "waiting", error=error, rate=0.0)
         now = self._client.health()
         error = self._explain(now) if now.last_error else past.error

@@ -97,7 +97,8 @@ class RecentTrouble:
         return tuple(found)
 
     def _of_sensor(self, now: float, field: str, counts: Counter[Event], expected: float) -> list[str]:
-        """One line for each problem of a sensor, whose samples are so many as expected."""
+        """One line for each problem of a sensor; `expected` is the number of samples that should have its
+        reading."""
         lines = [
             f"{field}: {text}" for what, text in _OF_SENSOR.items() if counts[SensorEvent(field, what)] > 2
         ]

@@ -86,8 +86,6 @@ class RtdeConnection:
         agreed = self._ask(wire.ProtocolVersionRequest(), wire.ProtocolVersionReply)
         if not agreed.accepted:
             raise SensorError(f"{self._place} does not speak RTDE version {wire.PROTOCOL_VERSION}")
-        self.version = self._ask(wire.ControllerVersionRequest(), wire.ControllerVersion)
-        """Software of the controller."""
         setup = self._ask(wire.OutputSetup(frequency, names), wire.SetupReply)
         self.recipe = wire.Recipe(setup.recipe_id, names, setup.types)
         """Layout of the packets."""
@@ -126,10 +124,6 @@ class RtdeConnection:
             ) from None
         except OSError as error:
             raise SensorError(f"{self._place}: connection lost upon {what}: {_reason(error)}") from None
-
-    def fileno(self) -> int:
-        """Descriptor to wait on with `selectors`."""
-        return self._socket.fileno()
 
     def read(self, timeout: float) -> list[RobotRecord]:
         """Packets received, oldest first; waits up to `timeout` seconds for the first.
@@ -261,15 +255,6 @@ class RtdeStream:
     def slices(self) -> Mapping[str, slice]:
         """Field name -> position of its values in a record; empty before the first connection."""
         return self._slices
-
-    @property
-    def version(self) -> wire.ControllerVersion | None:
-        """Software of the connected controller; None if not connected."""
-        return None if self._connection is None else self._connection.version
-
-    def fileno(self) -> int:
-        """Descriptor to wait on with `selectors`, -1 if not connected."""
-        return -1 if self._connection is None else self._connection.fileno()
 
     def poll(self, timeout: float) -> list[RobotRecord]:
         """Records received, oldest first; waits up to `timeout` seconds for the first.

@@ -19,9 +19,6 @@ class SourceHealth:
     without_wrench: int
     """Samples delivered without the base wrench that the scene requires: sensor silent, or value not
     finite."""
-    wrench_age: float
-    """Age of the force/torque value of the latest sample relative to that sample [s]; infinite if there was
-    none."""
     links: Mapping[str, WrenchHealth] = field(default_factory=dict)
     """Networked sensors within the arm, by field of the scene."""
     recent: tuple[str, ...] = ()

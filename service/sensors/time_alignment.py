@@ -293,10 +293,11 @@ class Aligner:
         return lasts and self._robot.late > self._sensor.late + _LATE
 
     def covers(self, timestamp: float) -> bool:
-        """Whether a reading at or after that instant of the robot (or half a period before it) has
-        arrived."""
+        """Whether a reading at or after that instant of the robot (or half an interval between two readings
+        before it) has arrived."""
         instant = self._instant(timestamp)
-        return instant is not None and instant <= self._readings[-1][0] + 0.5 * self._step()
+        # Not the latest interval, which is longer after lost readings.
+        return instant is not None and instant <= self._readings[-1][0] + 0.5 * self._stride
 
     def at(self, timestamp: float) -> Aligned:
         """The force/torque value at an instant of the robot's clock [s]."""
@@ -319,9 +320,6 @@ class Aligner:
                 return Aligned(value if age <= max_age else None, age)
             later, later_wrench = number, value
         return Aligned(None, float("inf"))
-
-    def _step(self) -> int:
-        return self._readings[-1][0] - self._readings[-2][0] if len(self._readings) > 1 else 0
 
     def _instant(self, timestamp: float) -> float | None:
         # On the sensor's clock, which does not change while its mapping to the host's clock is refined.

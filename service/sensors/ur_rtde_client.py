@@ -95,11 +95,6 @@ class UrRtdeStream:
         """Field name -> position of its values in a record."""
         return self._slices
 
-    @property
-    def pid(self) -> int | None:
-        """Process ID of the child; None if there is none."""
-        return None if self._child is None else self._child.pid
-
     def poll(self, timeout: float) -> list[RobotRecord]:
         """Records received, oldest first; waits up to `timeout` seconds for the first."""
         if self.health.state == "closed":

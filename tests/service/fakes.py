@@ -66,7 +66,7 @@ class Steady:
     @property
     def health(self) -> SourceHealth:
         robot = StreamHealth(state=self.state, error=self.error, received=self._count)
-        return SourceHealth(robot, None, 0, 0, 0.0)
+        return SourceHealth(robot, wrench=None, unusable=0, without_wrench=0)
 
     def close(self) -> None:
         pass
@@ -113,6 +113,15 @@ class Broken(Steady):
 
     def poll(self, timeout: float) -> list[Sample]:
         raise ValueError("no such field")
+
+
+class Overflowing(Steady):
+    """Raises after more estimates than the connection holds at once."""
+
+    def poll(self, timeout: float) -> list[Sample]:
+        if self._count:
+            raise ValueError("no such field")
+        return super().poll(timeout)
 
 
 class Hasty(Steady):

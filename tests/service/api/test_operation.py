@@ -65,6 +65,13 @@ def test_every_sensor_on_the_network_has_its_counters() -> None:
     assert service.health().source.link_wrenches["elbow"].lost == 3
 
 
+def test_messages_that_could_not_be_handled_are_counted() -> None:
+    service = create_app(Settings()).state.service
+    service.runner.message_errors, service.runner.last_message_error = 2, "report: OSError: disk full"
+    pipeline = service.health().pipeline
+    assert (pipeline.message_errors, pipeline.last_message_error) == (2, "report: OSError: disk full")
+
+
 def test_a_reload_takes_a_good_scene_and_leaves_a_bad_one(tmp_path: Path) -> None:
     path = tmp_path / "scene.yaml"
     path.write_text("robot: ur5e\n")

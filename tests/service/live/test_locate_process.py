@@ -83,10 +83,34 @@ def test_a_process_that_has_not_read_its_scene_yet_can_be_killed() -> None:
     asyncio.run(scenario())
 
 
+@pytest.mark.slow
+def test_a_process_that_does_not_read_a_large_request_holds_up_no_other(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Ten thousand samples do not fit into the pipe."""
+
+    async def scenario() -> None:
+        process = LocateProcess(Scene(robot="ur5e"))
+        many = [StaticSample([*SAMPLE.q], [*SAMPLE.q], None, None) for _ in range(10_000)]
+        try:
+            await process.start()
+            assert process._process is not None
+            os.kill(process._process.pid or 0, signal.SIGSTOP)
+            with monkeypatch.context() as patch:
+                patch.setattr("contactsense.service.live.locate_process._FIRST", 0.2)
+                with pytest.raises(LocateError, match="no answer in time"):
+                    await asyncio.wait_for(process.locate(many, True), 60.0)
+            assert len(await process.locate([SAMPLE], True)) == 1
+        finally:
+            process.stop()
+
+    asyncio.run(scenario())
+
+
 def test_too_many_requests_do_not_pile_up(monkeypatch: pytest.MonkeyPatch) -> None:
     async def scenario() -> None:
         process = LocateProcess(Scene(robot="ur5e"))
-        monkeypatch.setattr("contactsense.service.live.locate_process.WAITING", 0)
+        monkeypatch.setattr("contactsense.service.live.locate_process.MAX_REQUESTS", 0)
         with pytest.raises(LocateError, match="waiting already"):
             await process.locate([SAMPLE], True)
 
@@ -129,7 +153,7 @@ def test_a_request_that_is_cancelled_keeps_its_turn_until_it_is_answered(
         answered.set()
         assert len(await second) == 2
         assert first.cancelled()
-        assert process._waiting == 0
+        assert process._requests == 0
 
     asyncio.run(scenario())
     assert at_once == [1, 1]

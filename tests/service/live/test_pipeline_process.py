@@ -1,13 +1,17 @@
 """The pipeline's side of the wire: it never waits for the service."""
 
 import json
+import multiprocessing
 import socket
+import threading
+import time
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
 
-from contactsense import Estimate, Sample
+from contactsense import Estimate, Sample, Scene
 from contactsense.service.api.messages import EstimateOut
 from contactsense.service.live.error_times import ErrorTimes
 from contactsense.service.live.pipeline_process import (
@@ -15,14 +19,21 @@ from contactsense.service.live.pipeline_process import (
     ESTIMATE,
     HEAD,
     HEALTH,
+    LAST_WORDS,
     REPORT,
+    Inbox,
+    Listeners,
     Outbox,
     _as_message,
     run,
+    work,
 )
+from contactsense.service.process_argument import packed
 from contactsense.service.sensors.netft_client import WrenchHealth
 from contactsense.service.sensors.robot_stream import State, StreamHealth
 from contactsense.service.sensors.source_health import SourceHealth
+from tests.service import fakes
+from tests.service.loopback import until
 
 
 def read_all(connection: socket.socket) -> list[tuple[bytes, float, bytes]]:
@@ -33,6 +44,10 @@ def read_all(connection: socket.socket) -> list[tuple[bytes, float, bytes]]:
             data += chunk
     except BlockingIOError:
         pass
+    return messages_in(data)
+
+
+def messages_in(data: bytes) -> list[tuple[bytes, float, bytes]]:
     messages = []
     while data:
         kind, t, size = HEAD.unpack_from(data)
@@ -77,7 +92,8 @@ class Ten:
 
     @property
     def health(self) -> SourceHealth:
-        return SourceHealth(StreamHealth(state="streaming", received=10, lost=2), None, 3, 4, 0.0)
+        robot = StreamHealth(state="streaming", received=10, lost=2)
+        return SourceHealth(robot, wrench=None, unusable=3, without_wrench=4)
 
     def poll(self, timeout: float) -> list[Sample]:
         self.calls += 1
@@ -171,7 +187,6 @@ def test_each_sensor_on_the_network_has_its_state() -> None:
         wrench("streaming", "", 499, 0),
         unusable=0,
         without_wrench=0,
-        wrench_age=0.001,
         links={"link_wrenches.elbow": wrench("waiting", "no answer", 7, 3)},
     )
     told = _as_message(health, ErrorTimes(lambda: "2026-01-01T00:00:00Z"))
@@ -180,3 +195,121 @@ def test_each_sensor_on_the_network_has_its_state() -> None:
     elbow = told.link_wrenches["elbow"]
     assert (elbow.state, elbow.received, elbow.lost) == ("waiting", 7, 3)
     assert (elbow.last_error, elbow.last_error_time) == ("no answer", "2026-01-01T00:00:00Z")
+
+
+class Talkative:
+    """A listener that does nothing but report."""
+
+    def __init__(self, *reports: dict[str, Any]) -> None:
+        self._reports = list(reports)
+
+    def receive(self, sample: Sample, estimate: Estimate) -> None:
+        pass
+
+    def tick(self, now: float) -> None:
+        pass
+
+    def close(self) -> None:
+        pass
+
+    def command(self, message: dict[str, Any]) -> None:
+        pass
+
+    def take_reports(self) -> list[dict[str, Any]]:
+        taken, self._reports = self._reports, []
+        return taken
+
+
+class Unable(Talkative):
+    """It cannot even report."""
+
+    def take_reports(self) -> list[dict[str, Any]]:
+        raise RuntimeError("deque mutated during iteration")
+
+
+def test_a_listener_that_cannot_report_is_counted_and_holds_up_no_other() -> None:
+    ours, theirs = socket.socketpair()
+    with ours, theirs:
+        listeners = Listeners([Unable(), Talkative({"type": "a"})], Outbox(ours))
+        listeners.tick(1.0)
+        assert [json.loads(report) for _, _, report in read_all(theirs)] == [{"type": "a"}]
+    assert listeners.errors == 1
+    assert listeners.last_error == "Unable: RuntimeError: deque mutated during iteration"
+
+
+def test_a_report_that_is_no_json_is_counted_and_loses_none_of_the_others() -> None:
+    ours, theirs = socket.socketpair()
+    with ours, theirs:
+        listeners = Listeners([Talkative({"type": "a"}, {"type": {1, 2}}, {"type": "b"})], Outbox(ours))
+        listeners.tick(1.0)
+        assert [json.loads(report)["type"] for _, _, report in read_all(theirs)] == ["a", "b"]
+    assert listeners.errors == 1
+    assert listeners.last_error.startswith("Talkative: TypeError")
+
+
+def test_the_end_of_the_service_is_no_error_of_a_listener() -> None:
+    ours, theirs = socket.socketpair()
+    theirs.close()
+    with ours, pytest.raises(BrokenPipeError):
+        Listeners([Talkative({"type": "a"})], Outbox(ours)).tick(1.0)
+
+
+def test_a_command_that_is_too_long_is_refused_and_no_other() -> None:
+    ours, theirs = socket.socketpair()
+    long = {"type": "restore", "decisions": ["x" * (1 << 20)]}
+    sent = b"".join(json.dumps(command).encode() + b"\n" for command in ({"type": "a"}, long, {"type": "b"}))
+    refusals: list[str] = []
+    with ours, theirs:
+        ours.setblocking(False)
+        inbox = Inbox(ours, refusals.append)
+        writer = threading.Thread(target=theirs.sendall, args=(sent,))
+        writer.start()
+        taken: list[dict[str, Any]] = []
+        assert until(lambda: taken.extend(inbox.take()) or len(taken) == 2)
+        writer.join()
+    assert [command["type"] for command in taken] == ["a", "b"]
+    (refusal,) = refusals
+    assert refusal.startswith('command {"type": "restore", "decisions": ["x')
+    assert refusal.endswith("...: expected at most 1048576 bytes, got more; it is left out")
+
+
+def test_a_refused_command_is_told_by_health() -> None:
+    ours, theirs = socket.socketpair()
+    with ours, theirs:
+        listeners = Listeners((), Outbox(ours))
+        listeners.count_error("command x...: expected at most 3 bytes, got more; it is left out")
+        with pytest.raises(BrokenPipeError):
+            run(source := Ten(theirs), Idle(), Outbox(ours), listeners)
+    report = json.loads(source.arrived[-1][2])["pipeline"]
+    assert (report["listener_errors"], report["last_listener_error"][:9]) == (1, "command x")
+
+
+@pytest.mark.slow
+def test_last_words_behind_a_backlog_are_sent(capfd: pytest.CaptureFixture[str]) -> None:
+    ours, theirs = socket.socketpair()
+    process = multiprocessing.get_context("spawn").Process(target=work, args=(theirs, fakes.Overflowing))
+    with ours:
+        with theirs:
+            process.start()
+        ours.sendall(packed(Scene(robot="ur5e")))
+        assert until(lambda: len(ours.recv(1 << 20, socket.MSG_PEEK)) > 1 << 16, 280.0)  # it may compile
+        time.sleep(0.5)  # for a process that would not wait until its messages are read
+        data = b""
+        while chunk := ours.recv(1 << 16):
+            data += chunk
+    process.join()
+    kind, _, text = messages_in(data)[-1]
+    assert (kind, text) == (LAST_WORDS, b"ValueError: no such field")
+    assert process.exitcode == 1
+    capfd.readouterr()
+
+
+def test_a_service_that_does_not_read_holds_up_no_end() -> None:
+    ours, theirs = socket.socketpair()
+    with ours, theirs:
+        outbox = Outbox(ours)
+        for i in range(1000):
+            outbox.post(ESTIMATE, float(i), bytes(1000))
+        begin = time.monotonic()
+        outbox.finish(0.1)
+        assert time.monotonic() - begin < 5.0

@@ -15,7 +15,9 @@ from collections.abc import AsyncIterator, Callable
 import pytest
 
 from contactsense import Scene
-from contactsense.service.live.pipeline_process import Source
+from contactsense.robots.jit.compilation import CompilationProgress
+from contactsense.service.live.pipeline_process import ESTIMATE, HEAD, LAST_WORDS, LOADING, REPORT, Source
+from contactsense.service.live.silence import Silence
 from contactsense.service.live.supervisor import Runner
 from tests.service import fakes
 
@@ -230,3 +232,64 @@ def test_nothing_is_logged_before_the_start(caplog: pytest.LogCaptureFixture) ->
     assert not caplog.messages
     runner.start()
     assert caplog.messages == ["idle: no robot is configured: only POST /v1/locate and WS /v1/track work"]
+
+
+def message(kind: bytes, content: object) -> bytes:
+    payload = json.dumps(content).encode()
+    return HEAD.pack(kind, 0.5, len(payload)) + payload
+
+
+def received(runner: Runner, *messages: bytes) -> str:
+    """Let a runner take the messages of a process, last words at their end; returns how it ended."""
+
+    async def scenario() -> str:
+        reader = asyncio.StreamReader()
+        reader.feed_data(b"".join(messages))
+        return await runner._receive(reader, multiprocessing.current_process(), Silence(0.0))
+
+    return asyncio.run(scenario())
+
+
+@pytest.mark.parametrize("error", [OSError("disk full"), ValueError("no such kind")])
+def test_a_message_that_cannot_be_handled_is_told_and_loses_no_other(
+    error: Exception, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The process is healthy: no message of it is the reason to start it again."""
+    reports: list[dict[str, object]] = []
+
+    def on_report(report: dict[str, object]) -> None:
+        if report["type"] == "event":
+            raise error
+        reports.append(report)
+
+    runner = Runner(SCENE, fakes.Mute, lambda t, message: None, on_report)
+    how = received(
+        runner,
+        message(REPORT, {"type": "event"}),
+        message(REPORT, {"type": "stream"}),
+        HEAD.pack(LAST_WORDS, 0.0, 4) + b"over",
+    )
+    assert how == "failed (over)"
+    assert reports == [{"type": "stream"}]
+    assert runner.message_errors == 1
+    assert runner.last_message_error == f"report: {type(error).__name__}: {error}"
+    assert f"could not be handled: {runner.last_message_error}" in caplog.text
+
+
+def test_a_progress_bar_that_fails_loses_no_message() -> None:
+    def broken(progress: CompilationProgress) -> None:
+        raise OSError("the terminal is gone")
+
+    heard: list[float] = []
+    runner = Runner(SCENE, fakes.Mute, lambda t, message: heard.append(t), on_loading=broken)
+    received(
+        runner,
+        message(LOADING, {"share": 0.5, "left": 10.0}),
+        message(ESTIMATE, {"status": "none"}),
+        message(ESTIMATE, {"status": "none"}),
+        HEAD.pack(LAST_WORDS, 0.0, 4) + b"over",
+    )
+    assert heard == [0.5, 0.5]
+    assert runner.loaded.is_set()
+    assert runner.message_errors == 2
+    assert runner.last_message_error == "progress: OSError: the terminal is gone"

@@ -43,9 +43,10 @@ def test_only_connections_are_tried_again() -> None:
     lacking = ("base_wrench: up to 7% of the samples within a second lack the force/torque reading",)
 
     def told(robot: StreamHealth, reconnects: bool = True) -> str:
-        return SourceHealth(
-            robot, None, 0, 0, 0.0, recent=lacking, reconnects=reconnects
-        ).trouble_while_running
+        health = SourceHealth(
+            robot, wrench=None, unusable=0, without_wrench=0, recent=lacking, reconnects=reconnects
+        )
+        return health.trouble_while_running
 
     assert told(well) == lacking[0]
     assert told(lost) == f"robot at a: mute; retrying; {lacking[0]}"

@@ -55,7 +55,8 @@ class Refusing:
 def test_a_client_that_takes_records_for_old_ones_is_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pynetft, "Client", Refusing)
     now = time.monotonic()
-    monkeypatch.setattr(netft_client, "time", SimpleNamespace(monotonic=lambda: now))
+    clock = SimpleNamespace(monotonic=lambda: now, monotonic_ns=lambda: round(now * NS))
+    monkeypatch.setattr(netft_client, "time", clock)
     stream = NetFtStream("127.0.0.1", counts=(1.0, 1.0))
     before = Refusing.started
     for _ in range(20):

@@ -195,6 +195,17 @@ def test_a_slow_sensors_reading_is_used_until_the_next_one_is_overdue():
     assert aligner.at(1.980 + 0.031).wrench is None
 
 
+def test_a_gap_makes_no_reading_newer():
+    """After ten lost readings a sample still waits for the reading of its instant."""
+    aligner = Aligner(period=1e-3)
+    for k in [*range(300), 310]:
+        aligner.add(k, k * 1_000_000, [float(k)] * 6)
+    for k in range(200):
+        aligner.observe_robot(k * 0.002, k * 2_000_000)
+    assert aligner.covers(0.3104)
+    assert not aligner.covers(0.312)
+
+
 def test_a_gap_is_not_bridged():
     aligner = Aligner(max_age=0.01)
     for k in [*range(100), *range(200, 300)]:

@@ -1,7 +1,6 @@
 """ur_rtde in its child process: whatever becomes of the child, the parent goes on and says so."""
 
 import os
-import signal
 import subprocess
 import sys
 import time
@@ -53,7 +52,7 @@ def test_records_and_losses():
     stamps = [record.timestamp for record in records]
     assert stamps == sorted(set(stamps))
     assert stream.health.lost == round((stamps[-1] - stamps[0]) * 500) + 1 - len(stamps)
-    assert stream.pid is None
+    assert stream._child is None
     assert stream.poll(0.0) == []
 
 
@@ -74,7 +73,7 @@ def test_the_parent_outlives_every_fault(fault, complaint):
     with rtde_server(host=host, port=30004) as server:
         stream = open_stream(host)
         before = collect(stream, 20)
-        first = stream.pid
+        first = stream._child
         server.fault = fault
         got = []
         assert until(lambda: got.extend(stream.poll(0.05)) or stream.health.failures)
@@ -85,7 +84,7 @@ def test_the_parent_outlives_every_fault(fault, complaint):
         after = collect(stream, 20)
         assert stream.health.state == "streaming"
         assert stream.health.connections == 2
-        assert stream.pid != first
+        assert stream._child is not first
         if fault not in (
             Fault.LOST_BYTE,
             Fault.GARBAGE,
@@ -157,7 +156,7 @@ def test_a_killed_child_is_replaced():
     with rtde_server(host=host, port=30004):
         stream = open_stream(host)
         collect(stream, 5)
-        os.kill(stream.pid, signal.SIGKILL)
+        stream._child.kill()
         assert until(lambda: stream.poll(0.05) and stream.health.connections == 2)
         assert "the process of ur_rtde ended with status -9" in stream.health.error
         stream.close()
