@@ -27,7 +27,8 @@ router = APIRouter(route_class=JsonRoute)
     },
 )
 async def locate(service: Shared, request: LocateIn) -> Response:
-    """Locate the contact for one static sample, or for each of several (`{"samples": [...]}`).
+    """Locate the contact for one static sample, or for each of several (`{"samples": [...]}`); several
+    simultaneous contacts if `contacts` permits them.
 
     Needs no robot: the request contains the samples. The response to one sample is an `EstimateOut`, to
     several an `EstimatesOut`.
@@ -47,8 +48,13 @@ async def locate(service: Shared, request: LocateIn) -> Response:
         found = service.plausible.request(np.array(sample.q), base, torque, links, request.external)
         if found is not None:
             raise FieldRefusedError(prefix + found.field, found.reason)
+    most = service.scene.contacts
+    if request.contacts > most:
+        raise FieldRefusedError(
+            "contacts", f"expected at most {most}, as the scene states, got {request.contacts}"
+        )
     try:
-        encoded = await service.locate(samples, request.external)
+        encoded = await service.locate(samples, request.external, request.contacts)
     except LocateError as error:
         raise HTTPException(503, str(error), {"Retry-After": "1"}) from None
     body = b'{"estimates":[' + b",".join(encoded) + b"]}" if many else encoded[0]

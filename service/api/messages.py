@@ -16,6 +16,7 @@ from contactsense.types import Phase, Status
 Numbers = list[float]
 Three = Annotated[Numbers, Field(min_length=3, max_length=3)]
 Six = Annotated[Numbers, Field(min_length=6, max_length=6)]
+Contacts = Annotated[int, Field(ge=1, le=3)]
 MAX_SAMPLES = 10_000
 """Largest number of samples in one request."""
 
@@ -55,6 +56,11 @@ class LocateOneIn(SampleIn):
         description="true: gravity is already subtracted, the readings are caused by contacts only. "
         "false: raw readings; the scene's model is subtracted.",
     )
+    contacts: Contacts = Field(
+        1,
+        description="Largest number of simultaneous contacts, at most that of the scene. With several the "
+        "status is multiple if they explain the measurement better than one.",
+    )
 
 
 class LocateManyIn(RequestBody):
@@ -62,6 +68,7 @@ class LocateManyIn(RequestBody):
 
     samples: list[SampleIn] = Field(min_length=1, max_length=MAX_SAMPLES, description="The samples.")
     external: bool = Field(True, description="As for one sample; applies to all of them.")
+    contacts: Contacts = Field(1, description="Likewise.")
 
 
 def _one_or_many(value: Any) -> str:

@@ -241,7 +241,9 @@ class Service:
         log.info("reload: the pipeline is being restarted with the new scene")
         self.reloaded = messages.ReloadHealth(time=at, ok=True, message="")
 
-    async def locate(self, samples: Sequence[messages.SampleIn], external: bool) -> list[bytes]:
+    async def locate(
+        self, samples: Sequence[messages.SampleIn], external: bool, contacts: int
+    ) -> list[bytes]:
         """Return estimates as JSON for static samples.
 
         Raises:
@@ -250,7 +252,7 @@ class Service:
         plain = [
             StaticSample(s.q, s.base_wrench, s.joint_torque, s.wrist_wrench, s.link_wrenches) for s in samples
         ]
-        return await self._locate.locate(plain, external)
+        return await self._locate.locate(plain, external, contacts)
 
     @property
     def ready(self) -> bool:

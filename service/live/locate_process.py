@@ -40,6 +40,10 @@ class StaticSample(NamedTuple):
     link_wrenches: Mapping[str, Numbers] | None = None
 
 
+Request = tuple[list[StaticSample], bool, int]
+"""Samples, whether the arm's weight is subtracted, and the largest number of simultaneous contacts."""
+
+
 class LocateError(Exception):
     """The request cannot be answered at present; the text gives the reason."""
 
@@ -57,8 +61,11 @@ class LocateProcess:
         self._lock = threading.Lock()
         self._closed = False
 
-    async def locate(self, samples: Sequence[StaticSample], external: bool) -> list[bytes]:
+    async def locate(self, samples: Sequence[StaticSample], external: bool, contacts: int = 1) -> list[bytes]:
         """Return an estimate as JSON for each sample.
+
+        Args:
+            samples, external, contacts: As for `Localizer.locate`; at most the contacts of the scene.
 
         Raises:
             LocateError: Too many requests wait already, or the process failed.
@@ -69,12 +76,12 @@ class LocateProcess:
             )
         self._requests += 1
         # A request that is cancelled keeps its turn until its answer has come: the next one would read it.
-        return await asyncio.shield(self._locate_in_turn(list(samples), external))
+        return await asyncio.shield(self._locate_in_turn((list(samples), external, contacts)))
 
-    async def _locate_in_turn(self, samples: list[StaticSample], external: bool) -> list[bytes]:
+    async def _locate_in_turn(self, request: Request) -> list[bytes]:
         try:
             async with self._turn:
-                return await asyncio.to_thread(self._ask, samples, external)
+                return await asyncio.to_thread(self._ask, request)
         finally:
             self._requests -= 1
 
@@ -149,11 +156,11 @@ class LocateProcess:
         finally:
             timer.cancel()
 
-    def _ask(self, samples: list[StaticSample], external: bool) -> list[bytes]:
+    def _ask(self, request: Request) -> list[bytes]:
         try:
             connection = self._started()
             with self._limited(_LATER if self._answered else _FIRST):
-                connection.send((samples, external))
+                connection.send(request)
                 answer: Any = connection.recv()
         except (OSError, EOFError) as error:
             self._end()
@@ -183,14 +190,14 @@ def work(connection: Connection) -> None:
     with contextlib.suppress(EOFError, OSError):
         localizer = Localizer(connection.recv())
         while True:
-            samples, external = connection.recv()
+            samples, external, contacts = connection.recv()
             try:
-                connection.send([_located(localizer, sample, external) for sample in samples])
+                connection.send([_located(localizer, sample, external, contacts) for sample in samples])
             except ValueError as error:
                 connection.send(f"{type(error).__name__}: {error}")
 
 
-def _located(localizer: Localizer, sample: StaticSample, external: bool) -> bytes:
+def _located(localizer: Localizer, sample: StaticSample, external: bool, contacts: int) -> bytes:
     estimate = localizer.locate(
         np.array(sample.q),
         base_wrench=_array(sample.base_wrench),
@@ -198,6 +205,7 @@ def _located(localizer: Localizer, sample: StaticSample, external: bool) -> byte
         wrist_wrench=_array(sample.wrist_wrench),
         link_wrenches={name: np.array(value) for name, value in (sample.link_wrenches or {}).items()},
         external=external,
+        contacts=contacts,
     )
     return estimate_json(estimate)
 

@@ -4,6 +4,7 @@ import json
 import socket
 import time
 from collections.abc import Iterator
+from pathlib import Path
 
 import httpx
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 from websockets.exceptions import ConnectionClosedError, InvalidStatus
 from websockets.sync.client import connect
 
-from contactsense import robots
+from contactsense import Scene, forward_model, robots
 from contactsense.service.api.app import create_app
 from contactsense.service.api.messages import ErrorOut, EstimateOut
 from contactsense.service.api.settings import Settings
@@ -88,6 +89,44 @@ def test_locate_many(idle: httpx.Client) -> None:
     assert second.status != "none"
 
 
+SEVERAL = """
+robot: ur5e
+base_wrench: {force_noise: 0.02, moment_noise: 0.004}
+joint_torque: {noise: 0.02}
+contacts: 2
+"""
+
+
+def test_locate_several_contacts(tmp_path: Path) -> None:
+    path = tmp_path / "scene.yaml"
+    path.write_text(SEVERAL)
+    scene, posture = Scene.load(path), np.array(POSTURE)
+    touches = (
+        ("upper_arm", [-0.25, 0.0, 0.19], [0.0, 3.0, -20.0]),
+        ("wrist_2", [0.0, 0.0, 0.05], [9.0, 0.0, 12.0]),
+    )
+    readings = [
+        forward_model(scene, posture, link, np.array(point), np.array(force), external=True)
+        for link, point, force in touches
+    ]
+    sample = {
+        "q": POSTURE,
+        "base_wrench": np.sum([r.base_wrench for r in readings], axis=0).tolist(),
+        "joint_torque": np.sum([r.joint_torque for r in readings], axis=0).tolist(),
+    }
+    with serving(create_app(Settings(scene=path))) as place:
+        answers = [
+            http.post(f"http://{place}/v1/locate", json={**sample, **more}, timeout=280.0)
+            for more in ({}, {"contacts": 2}, {"contacts": 3})
+        ]
+    one, two = (EstimateOut.model_validate(answer.json()) for answer in answers[:2])
+    assert one.status != "multiple"
+    assert two.status == "multiple"
+    assert {contact.link for contact in two.contacts} == {link for link, _, _ in touches}
+    (error,) = ErrorOut.model_validate(answers[2].json()).errors
+    assert (error.field, error.reason) == ("contacts", "expected at most 2, as the scene states, got 3")
+
+
 def test_locate_takes_the_weight_off_on_request(idle: httpx.Client) -> None:
     still = np.zeros((1, 6))
     torque, wrench = inverse_dynamics(robots.load("ur5e"), np.array([POSTURE]), still, still)
@@ -142,6 +181,8 @@ GOOD = {"q": POSTURE, "base_wrench": ZERO6}
         (json.dumps({**GOOD, "torque": 1}), "torque", "unknown field (did you mean joint_torque?), got 1"),
         (json.dumps({**GOOD, "one": 1}), "one", "unknown field (known: "),
         (json.dumps({"samples": [{**GOOD, "many": 1}]}), "samples[0].many", "unknown field (known: "),
+        (json.dumps({**GOOD, "contacts": 4}), "contacts", "number of at most 3, got 4"),
+        (json.dumps({**GOOD, "contacts": 2}), "contacts", "expected at most 1, as the scene states, got 2"),
         (json.dumps({**GOOD, "external": "no"}), "external", "expected true or false, got 'no'"),
         (json.dumps({**GOOD, "wrist_wrench": ZERO6}), "wrist_wrench", "the scene has no such sensor"),
         (json.dumps({"q": POSTURE}), "base_wrench", "got neither"),
