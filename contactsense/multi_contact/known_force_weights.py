@@ -40,11 +40,11 @@ from contactsense.solvers.posterior.contact_prior import STUDENT_DOF
 
 MIN_WEIGHT = 1e-6
 """Lower bound of a weight: the distribution of the forces is not exactly normal."""
-POINTS = 128
-"""Points of the mean over the forces."""
+POINTS = 128, 512
+"""Points of the mean over the forces of one known contact, and of two."""
 _IRRATIONAL = np.sqrt([2.0, 3.0, 5.0, 7.0, 11.0, 13.0])[: 3 * (MAX_CONTACTS - 1)]
-NORMAL_POINTS = ndtri(np.outer(np.arange(POINTS) + 0.5, _IRRATIONAL) % 1.0)
-"""Points of a standard normal distribution, shape (POINTS, 6): Richtmyer's quasi-Monte Carlo rule ("The
+NORMAL_POINTS = ndtri(np.outer(np.arange(POINTS[-1]) + 0.5, _IRRATIONAL) % 1.0)
+"""Points of a standard normal distribution, shape (512, 6): Richtmyer's quasi-Monte Carlo rule ("The
 evaluation of definite integrals, and a quasi-Monte-Carlo method based on the properties of algebraic
 numbers", 1951)."""
 _ROUNDING = 1e-6
@@ -149,8 +149,8 @@ def fill_known_forces(m: int, size: int, seeding: SeedingBuffers) -> None:
 def _mean_ratio(known_count: int, seeding: SeedingBuffers) -> float:
     """Mean of the ratio of the priors over the distribution of the known forces."""
     mean, V, force = seeding.known_force, seeding.known_force_factor, seeding.known_force_point
-    total = 0.0
-    for k in range(POINTS):
+    total, points = 0.0, POINTS[known_count - 1]
+    for k in range(points):
         ratio = 1.0
         for a in range(3 * known_count):
             force[a] = mean[a]
@@ -159,7 +159,7 @@ def _mean_ratio(known_count: int, seeding: SeedingBuffers) -> float:
         for i in range(known_count):
             ratio *= prior_ratio(force[3 * i], force[3 * i + 1], force[3 * i + 2])
         total += ratio
-    return total / POINTS
+    return total / points
 
 
 @fused_kernel
