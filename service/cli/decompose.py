@@ -393,5 +393,6 @@ def _length(text: str) -> float:
                 break
             if 1e-5 <= value <= 0.1:
                 return value
-            raise click.BadParameter(f"expected 0.01 mm to 100 mm, got {text}", param_hint="--tolerance")
-    raise click.BadParameter(f"expected a length such as 2mm, got {text!r}", param_hint="--tolerance")
+            break
+    expected = "expected a length of 0.01mm to 100mm with its unit, such as 2mm"
+    raise click.BadParameter(f"{expected}, got {text!r}", param_hint="--tolerance")

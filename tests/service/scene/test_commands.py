@@ -149,6 +149,7 @@ def test_show_prints_what_was_understood(tmp_path: Path) -> None:
             ["a.yaml", "--posture", "1,2"],
             "--posture: expected 6 angles in degrees, separated by commas, got '1,2'",
         ),
+        (["a.yaml", "--picture", "a.jpg"], "'--picture': expected a name that ends in .png, got a.jpg"),
         (["a.yaml", "--picture", "no/where.png"], "no/where.png: cannot write the picture: No such file"),
     ],
 )
