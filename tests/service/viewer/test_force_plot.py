@@ -12,7 +12,9 @@ from contactsense.service.viewer.frame import Forces
 
 def test_the_label_of_the_topmost_tick_has_room() -> None:
     chosen: dict[str, Any] = {}
-    ForcePlot(cast(viser.GuiApi, SimpleNamespace(add_uplot=lambda *_, **settings: chosen.update(settings))), 1)
+    ForcePlot(
+        cast(viser.GuiApi, SimpleNamespace(add_uplot=lambda *_, **settings: chosen.update(settings))), 1
+    )
     top, right, *_ = chosen["padding"]
     assert top >= 8  # half the height of a label
     assert right >= 8
