@@ -103,10 +103,10 @@ def _draw(robot: Robot, path: Path, posture: str | None, coarse: bool) -> None:
     joints = len(robot.joints)
     q = usual_posture(robot) if posture is None else joint_angles("--posture", posture, joints)
     with picture_file(path):
-        from contactsense.robots.rendering import draw_arm
+        from contactsense.service.drawing.arm_picture import draw_arm_picture
 
         try:
-            draw_arm(robot, q, path, coarse)
+            draw_arm_picture(robot, q, path, coarse)
         except ValueError as error:
             raise click.ClickException(str(error)) from error
 
