@@ -236,11 +236,11 @@ def _print(found: Analysis, folder: Path) -> None:
 
 
 def _compared(found: Analysis, limits: ForceLimits) -> Iterator[str]:
-    """What a comparison with the user's limits says, line by line."""
+    """What a comparison with the user's limits says: one line per contact above them, and their source."""
     within = True
     for contact in found.contacts:
-        for text in limits.exceeded(contact):
-            yield f"above your limits: contact at {contact.begin:.3f} s: {text}"
+        if texts := limits.exceeded(contact):
+            yield f"above your limits: contact at {contact.begin:.3f} s: {'; '.join(texts)}"
             within = False
     if within and found.judged:
         yield "above your limits: none"

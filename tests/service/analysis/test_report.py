@@ -284,6 +284,8 @@ def test_the_terminal_compares_with_limits_and_names_their_source(folder: Path, 
     assert re.search(
         r"above your limits: contact at [\d.]+ s: hand: [\d.]+ N above 2 N \(transient\)", exceeded
     )
+    times = re.findall(r"above your limits: contact at ([\d.]+) s", exceeded)
+    assert len(times) == len(set(times)) == 2  # each above two limits
     assert "above your limits: none" in within
     for text in (exceeded, within):
         assert "limits from: measured [by us]. Forces are estimates" in text
