@@ -68,8 +68,28 @@ This software is not a safety function.
 """
 
 
-ROUTERS = (health, robot, estimates, locate, events, reactions, clips, track, xmlrpc)
-"""Modules with routes, in the order in which the description lists them."""
+ROUTERS = (
+    (health, "state"),
+    (robot, "arm"),
+    (estimates, "live"),
+    (locate, "locate"),
+    (events, "live"),
+    (reactions, "reactions"),
+    (clips, "recordings"),
+    (track, "live"),
+    (xmlrpc, "robot programs"),
+)
+"""Modules with routes, and the group under which the description lists them."""
+GROUPS = {
+    "state": "Whether the service and its sensors work.",
+    "arm": "What the service knows of the arm and its cell.",
+    "live": "Contacts of the arm that the service reads.",
+    "locate": "Contacts in samples that the request contains.",
+    "reactions": "What contacts do to the robot.",
+    "recordings": "Samples and estimates in files.",
+    "robot programs": "For programs that run on the robot's controller.",
+}
+"""Groups of routes, in the order in which the description lists them."""
 
 
 def create_app(
@@ -101,14 +121,15 @@ def create_app(
         version=version("contactsense"),
         description=DESCRIPTION,
         lifespan=lifespan,
+        openapi_tags=[{"name": name, "description": text} for name, text in GROUPS.items()],
         static_url="/docs/assets",
         redoc_url=None,
     )
     app.state.service = service
     app.router.responses.update(errors.COMMON_REFUSALS)
     app.add_api_route("/", _to_description, include_in_schema=False)
-    for module in ROUTERS:
-        app.include_router(module.router, dependencies=[Depends(refuse_unknown_parameters)])
+    for module, group in ROUTERS:
+        app.include_router(module.router, tags=[group], dependencies=[Depends(refuse_unknown_parameters)])
     app.router.default = UnknownPath(app.routes)
     errors.install(app)
     app.add_middleware(Limits, limits=service.limits, refused=service.refused)

@@ -168,7 +168,12 @@ def _no_samples(service: Any) -> HTTPException:
     return HTTPException(503, f"no samples to record: {service.runner.message}")
 
 
-@router.post("/v1/clip", status_code=202, responses={**BODY_REFUSALS, **_NO_FOLDER, **_NO_SAMPLES})
+@router.post(
+    "/v1/clip",
+    summary="Save a clip",
+    status_code=202,
+    responses={**BODY_REFUSALS, **_NO_FOLDER, **_NO_SAMPLES},
+)
 async def clip(service: Shared, request: ClipIn) -> ClipOut:
     """Save the samples, as they were used, and their estimates in a time span around this moment to a
     file."""
@@ -179,13 +184,18 @@ async def clip(service: Shared, request: ClipIn) -> ClipOut:
     return found
 
 
-@router.get("/v1/clips", responses=_NO_FOLDER)
+@router.get("/v1/clips", summary="Clips since the start", responses=_NO_FOLDER)
 async def clips(service: Shared) -> ClipsOut:
     """Clips since the service started."""
     return ClipsOut(folder=str(service.clips.settings.folder), clips=list(service.clips.clips.values()))
 
 
-@router.post("/v1/recording", status_code=202, responses={**BODY_REFUSALS, **_NO_FOLDER, **_NO_SAMPLES})
+@router.post(
+    "/v1/recording",
+    summary="Start or stop recording",
+    status_code=202,
+    responses={**BODY_REFUSALS, **_NO_FOLDER, **_NO_SAMPLES},
+)
 async def record(service: Shared, request: RecordingIn) -> RecordingOut:
     """Start or stop writing every sample to the service's folder."""
     if not service.clips.record(request.on):
@@ -194,7 +204,7 @@ async def record(service: Shared, request: RecordingIn) -> RecordingOut:
     return found
 
 
-@router.get("/v1/recording", responses=_NO_FOLDER)
+@router.get("/v1/recording", summary="State of the recording", responses=_NO_FOLDER)
 async def recording(service: Shared) -> RecordingOut:
     """Whether the service records, and how much it has recorded."""
     found: RecordingOut = service.clips.recording

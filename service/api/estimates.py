@@ -16,6 +16,7 @@ router = APIRouter()
 
 @router.get(
     "/v1/contacts",
+    summary="The latest estimate",
     response_model=EstimateOut,
     responses={503: {"model": ErrorOut, "description": "There is no current estimate: the reason says why."}},
 )

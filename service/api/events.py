@@ -36,7 +36,7 @@ def _body(events: Sequence[str], last: int) -> str:
     return f'{{"events":[{",".join(events)}],"last":{last}}}'
 
 
-@router.get("/v1/events", response_model=EventsOut)
+@router.get("/v1/events", summary="Events of contacts", response_model=EventsOut)
 async def events(
     journal: SharedJournal,
     since: Annotated[int, Query(ge=0, le=2**62)] = 0,

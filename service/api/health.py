@@ -11,7 +11,7 @@ from contactsense.service.api.service import Shared
 router = APIRouter()
 
 
-@router.get("/v1/health")
+@router.get("/v1/health", summary="Health of the service")
 async def health(service: Shared) -> HealthOut:
     """State of the service, its pipeline, its sensors and its readers; 200 while the service runs."""
     return service.health()
@@ -19,6 +19,7 @@ async def health(service: Shared) -> HealthOut:
 
 @router.get(
     "/v1/ready",
+    summary="Whether estimates are current",
     responses={503: {"model": messages.ReadyOut | ErrorOut, "description": "They are not: the reasons."}},
 )
 async def ready(service: Shared, response: Response) -> messages.ReadyOut:
@@ -30,7 +31,7 @@ async def ready(service: Shared, response: Response) -> messages.ReadyOut:
     )
 
 
-@router.get("/metrics", response_class=PlainTextResponse)
+@router.get("/metrics", summary="Metrics for Prometheus", response_class=PlainTextResponse)
 async def metrics(service: Shared) -> Response:
     """All counters, ages and times in Prometheus' text format."""
     return Response(service.metrics.text(), media_type=CONTENT_TYPE)

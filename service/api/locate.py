@@ -20,6 +20,7 @@ router = APIRouter(route_class=JsonRoute)
 
 @router.post(
     "/v1/locate",
+    summary="Locate contacts in samples of an arm at rest",
     response_model=EstimateOut | EstimatesOut,
     responses={
         **BODY_REFUSALS,

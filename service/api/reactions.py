@@ -42,13 +42,17 @@ def _reactions(connection: HTTPConnection) -> Reactions:
 Shared = Annotated[Reactions, Depends(_reactions)]
 
 
-@router.get("/v1/reactions")
+@router.get("/v1/reactions", summary="Rules and their state")
 async def reactions(shared: Shared) -> ReactionsOut:
     """The rules in words, active levels, latched collisions, open windows, and the state of each action."""
     return shared.out()
 
 
-@router.post("/v1/reactions/acknowledge", responses={**BODY_REFUSALS, **_NOT_POSSIBLE})
+@router.post(
+    "/v1/reactions/acknowledge",
+    summary="Acknowledge collisions",
+    responses={**BODY_REFUSALS, **_NOT_POSSIBLE},
+)
 async def acknowledge(shared: Shared, request: AcknowledgeIn | None = None) -> ReactionsOut:
     """Clear latched collisions. A force that is still above its level latches and starts its actions
     again."""
@@ -60,7 +64,11 @@ async def acknowledge(shared: Shared, request: AcknowledgeIn | None = None) -> R
     return shared.out()
 
 
-@router.post("/v1/reactions/expected", responses={**BODY_REFUSALS, **_NOT_POSSIBLE})
+@router.post(
+    "/v1/reactions/expected",
+    summary="Announce an expected contact",
+    responses={**BODY_REFUSALS, **_NOT_POSSIBLE},
+)
 async def expected(shared: Shared, request: ExpectedIn) -> ReactionsOut:
     """Open or close the window of an expected contact; the rules file defines its point and force."""
     known = [window.name for window in _rules(shared).expected]

@@ -9,7 +9,7 @@ from contactsense.service.api.service import Shared
 router = APIRouter()
 
 
-@router.get("/v1/robot")
+@router.get("/v1/robot", summary="The arm")
 async def robot(service: Shared) -> RobotOut:
     """The arm: links with mass and surface, joints with limits."""
     arm = service.scene.robot
@@ -37,7 +37,7 @@ async def robot(service: Shared) -> RobotOut:
     )
 
 
-@router.get("/v1/scene")
+@router.get("/v1/scene", summary="The arm in its cell")
 async def scene(service: Shared) -> SceneOut:
     """The arm in its cell: mounting, tool, sensors and their noise."""
     here = service.scene

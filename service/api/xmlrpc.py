@@ -12,6 +12,7 @@ router = APIRouter()
 
 @router.post(
     "/RPC2",
+    summary="XML-RPC",
     response_class=Response,
     responses={
         200: {"content": {XML: {}}, "description": "An array of doubles, the status first."},

@@ -2,6 +2,7 @@
 
 import json
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from contactsense.service.analysis import analyze as run
 from contactsense.service.analysis.contact_arrows import contact_arrows
 from contactsense.service.analysis.contact_summary import millimetres
 from contactsense.service.analysis.contact_table import contact_rows, write_contacts
+from contactsense.service.analysis.force_limits import DISCLAIMER
 from contactsense.service.analysis.health import UNJUDGED, health, warning
 from contactsense.service.analysis.report import write_report
 from contactsense.service.recordings import (
@@ -28,6 +30,11 @@ from contactsense.service.recordings.bag_files import is_bag
 from contactsense.service.recordings.export import export
 from contactsense.service.recordings.parquet_files import write_parquet
 from contactsense.service.recordings.table import reason
+
+_COLUMNS = (
+    "begin\ns", "link", "P", "force\nN", "duration\ns", "impulse\nN s", "place in link\nmm", "speed\nm/s",
+)  # fmt: skip
+"""Headings of the table of contacts; it is 80 columns wide."""
 
 
 @click.command()
@@ -177,6 +184,16 @@ def _as_plain(found: Analysis) -> dict[str, Any]:
         "warning": warning(found),
         "health": [{"ok": well, "text": text} for well, text in health(found)],
         "contacts": contact_rows(found.contacts),
+        "limits": None if found.limits is None else _exceeded(found, found.limits),
+    }
+
+
+def _exceeded(found: Analysis, limits: ForceLimits) -> dict[str, Any]:
+    return {
+        "provenance": limits.provenance,
+        "exceeded": {
+            contact.contact: texts for contact in found.contacts if (texts := limits.exceeded(contact))
+        },
     }
 
 
@@ -185,8 +202,10 @@ def _print(found: Analysis, folder: Path) -> None:
     from rich.table import Table
 
     console = Console(width=None if sys.stdout.isatty() else 120)
-    table = Table(title=f"{found.recording}: {found.duration:.1f} s", box=box.SIMPLE_HEAD)
-    for name in ("begin s", "link", "P", "force N", "s", "impulse N s", "place mm (link frame)", "m/s"):
+    table = Table(
+        title=f"{found.recording}: {found.duration:.1f} s", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0)
+    )
+    for name in _COLUMNS:
         table.add_column(name, justify="left" if name == "link" else "right", no_wrap=True)
     for contact in found.contacts:
         place = millimetres(contact.point) if contact.link else ""
@@ -207,7 +226,22 @@ def _print(found: Analysis, folder: Path) -> None:
         console.print(table)
     elif found.judged:
         console.print(f"{found.recording}: {found.duration:.1f} s, nothing touched the arm", soft_wrap=True)
+    if found.limits is not None:
+        for line in _compared(found, found.limits):
+            console.print(line, markup=False, highlight=False, soft_wrap=True)
     for well, text in health(found):
         if not well and text != found.doubt:  # the warning above says it
             console.print(f"check: {text}", soft_wrap=True)
     console.print(f"report: {folder / 'report.html'}", soft_wrap=True)
+
+
+def _compared(found: Analysis, limits: ForceLimits) -> Iterator[str]:
+    """What a comparison with the user's limits says: one line per contact above them, and their source."""
+    within = True
+    for contact in found.contacts:
+        if texts := limits.exceeded(contact):
+            yield f"above your limits: contact at {contact.begin:.3f} s: {'; '.join(texts)}"
+            within = False
+    if within and found.judged:
+        yield "above your limits: none"
+    yield f"limits from: {limits.provenance}. {DISCLAIMER}"

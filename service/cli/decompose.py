@@ -20,6 +20,7 @@ from contactsense.service.analysis.fleet.worker_pool import WorkerPoolError, run
 from contactsense.service.cli.finite_range import FiniteRange
 from contactsense.service.cli.measured_surface import measured_again
 from contactsense.service.cli.output_file import check_writable
+from contactsense.service.cli.picture_file import PicturePath
 
 if TYPE_CHECKING:
     import trimesh
@@ -80,9 +81,7 @@ _COLUMNS = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(),
     help="Keep the primitives of this surface file; measure how far they are from the meshes.",
 )
 @click.option("--out", type=click.Path(path_type=Path), help="Write the primitives to this YAML file.")
-@click.option(
-    "--picture", type=click.Path(path_type=Path), help="Draw skin, primitives and error to this PNG."
-)
+@click.option("--picture", type=PicturePath(), help="Draw skin, primitives and error to this PNG.")
 def decompose(
     arm: str,
     meshes: Path | None,
@@ -393,5 +392,6 @@ def _length(text: str) -> float:
                 break
             if 1e-5 <= value <= 0.1:
                 return value
-            raise click.BadParameter(f"expected 0.01 mm to 100 mm, got {text}", param_hint="--tolerance")
-    raise click.BadParameter(f"expected a length such as 2mm, got {text!r}", param_hint="--tolerance")
+            break
+    expected = "expected a length of 0.01mm to 100mm with its unit, such as 2mm"
+    raise click.BadParameter(f"{expected}, got {text!r}", param_hint="--tolerance")

@@ -163,6 +163,10 @@ def _compare(console: Console, client: Client, board: Scoreboard, motion: Motion
             console.print(Text(_line(verdict), style="" if verdict.right else "red"))
         if board.done:
             break
+    console.print(
+        "share: of the samples under full force, how many name the touched link first;\n"
+        "force and point error: medians over these samples; found after: from the onset"
+    )
     right = sum(verdict.right for verdict in verdicts)
     links = len({touch.link for touch in motion.touches})
     console.print(

@@ -18,17 +18,22 @@ class LazyGroup(click.Group):
     """Imports its commands by name and import path when they are called."""
 
     def __init__(
-        self, places: Mapping[str, str], sections: Mapping[str, str] | None = None, **attributes: object
+        self,
+        commands: Mapping[str, tuple[str, str]],
+        sections: Mapping[str, str] | None = None,
+        **attributes: object,
     ) -> None:
         """Create the group.
 
         Args:
-            places: Command name -> "module:attribute" of its command, in the order of the help text.
+            commands: Command name -> "module:attribute" of its command and its line in the help text, in
+                the order of the help text.
             sections: Heading in the help text -> the first command below it; None: one for all.
             attributes: Of the group, see click.
         """
         super().__init__(**attributes)  # type: ignore[arg-type]
-        self._places = places
+        self._places = {name: place for name, (place, _) in commands.items()}
+        self._lines = {name: line for name, (_, line) in commands.items()}
         self._headings = {first: heading for heading, first in (sections or {}).items()}
 
     def list_commands(self, ctx: click.Context) -> list[str]:
@@ -36,15 +41,12 @@ class LazyGroup(click.Group):
         return list(self._places)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the commands below their headings, with descriptions in one column."""
+        """Write the commands below their headings, with their lines in one column."""
         parts: dict[str, list[tuple[str, str]]] = {}
         heading, width = "Commands", max(map(len, self._places))
-        limit = formatter.width - width - 6
-        for name in self._places:
+        for name, line in self._lines.items():
             heading = self._headings.get(name, heading)
-            command = self.get_command(ctx, name)
-            assert command is not None
-            parts.setdefault(heading, []).append((name.ljust(width), command.get_short_help_str(limit)))
+            parts.setdefault(heading, []).append((name.ljust(width), line))
         for heading, rows in parts.items():
             with formatter.section(heading):
                 formatter.write_dl(rows)

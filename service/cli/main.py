@@ -10,24 +10,52 @@ import click
 from contactsense.service.cli.lazy import LazyGroup
 
 COMMANDS = {
-    "demo": "contactsense.service.cli.demo:demo",
-    "robots": "contactsense.service.cli.robots:robots",
-    "scene": "contactsense.service.cli.scene:scene",
-    "check": "contactsense.service.cli.check:check",
-    "excite": "contactsense.service.cli.excite:excite",
-    "calibrate": "contactsense.service.cli.calibrate:calibrate",
-    "map": "contactsense.service.cli.map:surface_map",
-    "decompose": "contactsense.service.cli.decompose:decompose",
-    "serve": "contactsense.service.cli.serve:serve",
-    "view": "contactsense.service.cli.view:view",
-    "reactions": "contactsense.service.cli.reactions:reactions",
-    "mock": "contactsense.service.cli.mock:mock",
-    "record": "contactsense.service.cli.record:record",
-    "analyze": "contactsense.service.cli.analyze:analyze",
-    "paper": "contactsense.benchmarks.solvers.paper_command:paper",
-    "bench": "contactsense.service.cli.bench:bench",
+    "demo": (
+        "contactsense.service.cli.demo:demo",
+        "Touch a simulated arm; compare estimates and ground truth.",
+    ),
+    "robots": (
+        "contactsense.service.cli.robots:robots",
+        "List the arms, or show one: links, joints and primitives.",
+    ),
+    "scene": (
+        "contactsense.service.cli.scene:scene",
+        "Write a commented scene file, or show what a scene says.",
+    ),
+    "check": ("contactsense.service.cli.check:check", "Check a scene against motion without contact."),
+    "excite": ("contactsense.service.cli.excite:excite", "Propose a motion for `contactsense calibrate`."),
+    "calibrate": (
+        "contactsense.service.cli.calibrate:calibrate",
+        "Calibrate a scene from motion without contact.",
+    ),
+    "map": (
+        "contactsense.service.cli.map:surface_map",
+        "Show what a scene's sensors can tell of pushes on each link.",
+    ),
+    "decompose": (
+        "contactsense.service.cli.decompose:decompose",
+        "Fit convex primitives to an arm, a tool or a body.",
+    ),
+    "serve": ("contactsense.service.cli.serve:serve", "Serve estimates over HTTP and WebSocket."),
+    "view": ("contactsense.service.cli.view:view", "Show an arm and its contacts in a browser."),
+    "reactions": ("contactsense.service.cli.reactions:reactions", "Check rules for reactions to contacts."),
+    "mock": (
+        "contactsense.service.cli.mock:mock",
+        "Simulate a UR arm, its controller and force/torque sensor.",
+    ),
+    "record": (
+        "contactsense.service.cli.record:record",
+        "Record a robot and its sensors, or convert a recording.",
+    ),
+    "analyze": ("contactsense.service.cli.analyze:analyze", "Find what touched the arm in recordings."),
+    "paper": (
+        "contactsense.benchmarks.solvers.paper_command:paper",
+        "Reproduce the tables of Bicchi, Salisbury and Brock (1993).",
+    ),
+    "bench": ("contactsense.service.cli.bench:bench", "Measure speed and error."),
 }
-"""Command name -> import path of its click command, in the order in which a user needs them."""
+"""Command name -> import path of its click command and its line in the help text, in the order in which a
+user needs them."""
 
 
 cli = LazyGroup(

@@ -10,9 +10,11 @@ import numpy as np
 
 from contactsense.detection.detectable_force import DETECTION
 from contactsense.scene import Scene, SceneError
+from contactsense.scene_model.reading_limits import LARGEST_FORCE
+from contactsense.service.cli.finite_range import FiniteRange
 from contactsense.service.cli.joint_angles import joint_angles
 from contactsense.service.cli.map_table import compare_maps, show_map
-from contactsense.service.cli.picture_file import picture_file
+from contactsense.service.cli.picture_file import PicturePath, picture_file
 from contactsense.surface_map.detectability import Detectability, detectability
 
 
@@ -21,9 +23,14 @@ from contactsense.surface_map.detectability import Detectability, detectability
 @click.option(
     "--posture", required=True, metavar="Q1,...", help="Joint angles in degrees, separated by commas."
 )
-@click.option("--force", type=float, help="Force for error and link [N]; by default the scene's `force`.")
+@click.option(
+    "--force",
+    type=FiniteRange(0.0, LARGEST_FORCE, min_open=True),
+    help="Force for error and link [N]; by default the scene's `force`.",
+)
 @click.option(
     "--detection",
+    type=FiniteRange(0.0, 1.0, min_open=True, max_open=True),
     default=DETECTION,
     show_default=True,
     help="Probability with which the smallest force is detected.",
@@ -31,9 +38,7 @@ from contactsense.surface_map.detectability import Detectability, detectability
 @click.option(
     "--compare", "other", type=click.Path(path_type=Path), help="Another scene, to be shown beside SCENE."
 )
-@click.option(
-    "--picture", type=click.Path(path_type=Path), help="Draw the arm by smallest force into this PNG."
-)
+@click.option("--picture", type=PicturePath(), help="Draw the arm by smallest force into this PNG.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result for a program.")
 def surface_map(
     path: Path,

@@ -1,10 +1,31 @@
-"""Errors of drawing a picture into a file, each as one line."""
+"""Pictures as files that options name, and errors of drawing them, each as one line."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import click
+
+
+class PicturePath(click.Path):
+    """A file whose name ends in .png, which is what is written."""
+
+    def __init__(self) -> None:
+        """The file need not exist."""
+        super().__init__(path_type=Path)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
+        """The path.
+
+        Raises:
+            click.BadParameter: Its name ends otherwise.
+        """
+        path = super().convert(value, param, ctx)
+        assert isinstance(path, Path)
+        if path.suffix.lower() != ".png":
+            self.fail(f"expected a name that ends in .png, got {path}", param, ctx)
+        return path
 
 
 @contextmanager

@@ -24,7 +24,7 @@ def reactions() -> None:
     """Rules for reactions to contacts."""
 
 
-@reactions.command()
+@reactions.command(short_help="Describe rules in words; replay recordings.")
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--scene", "scene_file", type=click.Path(path_type=Path), help="Scene file (YAML).")
 @click.option("--robot", default="ur5e", show_default=True, help="Robot where there is no scene file.")

@@ -16,14 +16,14 @@ from contactsense import robots as library
 from contactsense.robots import Robot, RobotError
 from contactsense.robots.library import EQUIVALENT_MODELS, in_library
 from contactsense.service.cli.joint_angles import joint_angles
-from contactsense.service.cli.picture_file import picture_file
+from contactsense.service.cli.picture_file import PicturePath, picture_file
 from contactsense.service.drawing.posture import usual_posture
 
 
 @click.command()
 @click.argument("name", required=False)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-@click.option("--picture", type=click.Path(path_type=Path), help="Draw NAME's primitives into this PNG.")
+@click.option("--picture", type=PicturePath(), help="Draw NAME's primitives into this PNG.")
 @click.option(
     "--posture", "--pose", "posture", help="Joint angles for the picture in degrees, separated by commas."
 )
@@ -103,10 +103,10 @@ def _draw(robot: Robot, path: Path, posture: str | None, coarse: bool) -> None:
     joints = len(robot.joints)
     q = usual_posture(robot) if posture is None else joint_angles("--posture", posture, joints)
     with picture_file(path):
-        from contactsense.robots.rendering import draw_arm
+        from contactsense.service.drawing.arm_picture import draw_arm_picture
 
         try:
-            draw_arm(robot, q, path, coarse)
+            draw_arm_picture(robot, q, path, coarse)
         except ValueError as error:
             raise click.ClickException(str(error)) from error
 

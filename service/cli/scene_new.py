@@ -13,33 +13,27 @@ from contactsense.robots.file_references import moved
 from contactsense.robots.whole_file import write_text
 from contactsense.scene import LinkPrior, Scene, SceneError
 from contactsense.sensors.settings import JointTorqueSignal
+from contactsense.service.cli.number_list import Numbers
+from contactsense.service.cli.wrench_sensor_options import WrenchSensorOptions
 from contactsense.service.scene.commented_yaml import commented_yaml
 from contactsense.service.scene.summary import scene_warnings
 
 _SIGNALS = (*get_args(JointTorqueSignal), "none")
-_SIGNS = ("arm_on_sensor", "sensor_on_arm")
-
-
-class Numbers(click.ParamType):  # type: ignore[type-arg]  # generic for mypy only
-    """Numbers separated by commas."""
-
-    def __init__(self, *counts: int) -> None:
-        """`counts`: how many numbers are accepted; any number of them if there are none."""
-        self._counts = counts
-        self.name = "NUMBERS"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> list[float]:
-        """The numbers; fails with one line if there are others than expected."""
-        if isinstance(value, list):
-            return value
-        try:
-            numbers = [float(part) for part in value.strip("[]() ").split(",")]
-        except ValueError:
-            numbers = []
-        if not numbers or (self._counts and len(numbers) not in self._counts):
-            count = " or ".join(str(n) for n in self._counts) or "some"
-            self.fail(f"expected {count} numbers separated by commas, got {value!r}", param, ctx)
-        return numbers
+_MOUNTINGS = ("table", "ceiling", "wall")
+_BASE = WrenchSensorOptions(
+    name="base",
+    place="under the base",
+    frame="base",
+    weight="an arm on a table reads a force along -z",
+    usual=True,
+)
+_WRIST = WrenchSensorOptions(
+    name="wrist",
+    place="between flange and tool",
+    frame="flange",
+    weight="the tool's weight reads as a force along gravity",
+    usual=False,
+)
 
 
 class Mounting(click.ParamType):  # type: ignore[type-arg]  # generic for mypy only
@@ -51,9 +45,12 @@ class Mounting(click.ParamType):  # type: ignore[type-arg]  # generic for mypy o
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> str | list[float]:
         """The name, or the angles."""
-        if value in ("table", "ceiling", "wall"):
+        if value in _MOUNTINGS:
             return str(value)
-        return Numbers(3).convert(value, param, ctx)
+        try:
+            return Numbers(3).convert(value, param, ctx)
+        except click.BadParameter:
+            self.fail(f"expected {', '.join(_MOUNTINGS)} or roll,pitch,yaw in rad, got {value!r}", param, ctx)
 
 
 @click.command()
@@ -63,18 +60,12 @@ class Mounting(click.ParamType):  # type: ignore[type-arg]  # generic for mypy o
 @click.option("--tool-mass", type=float, help="Mass of tool or payload in kg; 0: none.")
 @click.option("--tool-com", type=Numbers(3), help="Its centre of mass in the flange frame, x,y,z in m.")
 @click.option("--tool-name", help="Its name in estimates.  [default: tool]")
-@click.option(
-    "--base-sensor/--no-base-sensor", default=None, help="Whether a force/torque sensor is under the base."
-)
-@click.option("--base-sign", type=click.Choice(_SIGNS), help="Which side's push it counts as positive.")
-@click.option("--base-translation", type=Numbers(3), help="Its origin in the base frame, x,y,z in m.")
-@click.option("--base-rpy", type=Numbers(3), help="Its axes in the base frame, roll,pitch,yaw in rad.")
-@click.option("--base-noise", type=Numbers(2), help="Its noise in N and Nm, standard deviation of a sample.")
-@click.option("--base-range", type=Numbers(2, 6), help="Its range in N and Nm, or of each component.")
+@_BASE
 @click.option("--torque-signal", type=click.Choice(_SIGNALS), help="RTDE signal of the joint torques.")
 @click.option("--torque-fields", help="RTDE fields of the torques, separated by commas.")
 @click.option("--torque-constants", type=Numbers(), help="Torque per current of each joint in Nm/A.")
 @click.option("--torque-noise", type=Numbers(), help="Noise in Nm, one number or one per joint.")
+@_WRIST
 @click.option("--touchable", help="Links that can be touched, separated by commas.  [default: all]")
 @click.option(
     "--link-prior",
@@ -120,15 +111,7 @@ def scene_content(given: dict[str, Any]) -> dict[str, Any]:
         content["tool"] = tool
     elif tool.keys() - {"mass"}:
         raise click.UsageError("--tool-mass: expected the mass of the tool, got none")
-    sensor = _present(
-        given,
-        {"rpy": "base_rpy", "translation": "base_translation", "sign": "base_sign", "range": "base_range"},
-    )
-    if given["base_noise"] is not None:
-        sensor["force_noise"], sensor["moment_noise"] = given["base_noise"]
-    if given["base_sensor"] is False and sensor:
-        raise click.UsageError("--no-base-sensor: expected no other option of the base sensor, got some")
-    content["base_wrench"] = None if given["base_sensor"] is False else {"sign": _SIGNS[0], **sensor}
+    content["base_wrench"] = _BASE.content(given)
     if given["torque_signal"] == "none":
         content["joint_torque"] = None
     else:
@@ -138,6 +121,9 @@ def scene_content(given: dict[str, Any]) -> dict[str, Any]:
         if given["torque_fields"]:
             torque["fields"] = _names(given["torque_fields"])
         content["joint_torque"] = {"signal": given["torque_signal"] or _SIGNALS[0], **torque}
+    wrist = _WRIST.content(given)
+    if wrist is not None:
+        content["wrist_wrench"] = wrist
     if given["touchable"]:
         content["touchable"] = _names(given["touchable"])
     if given["link_prior"]:
@@ -179,25 +165,7 @@ def _ask(given: dict[str, Any]) -> None:
             default="0,0,0.05",
             type=Numbers(3),
         )
-    ask("base_sensor", "Is a force/torque sensor under the base?", click.confirm, default=True)
-    if given["base_sensor"]:
-        signs = click.Choice(_SIGNS)
-        ask(
-            "base_sign",
-            "Its sign: with arm_on_sensor an arm on a table reads a force along -z",
-            default=_SIGNS[0],
-            type=signs,
-        )
-        ask(
-            "base_translation",
-            "Its origin in the base frame, x,y,z in m",
-            default="0,0,0",
-            type=Numbers(3),
-        )
-        ask("base_rpy", "Its axes in the base frame, roll,pitch,yaw in rad", default="0,0,0", type=Numbers(3))
-        if given["base_range"] is None:
-            answer = click.prompt("Its range, N,Nm, empty if unknown", default="", show_default=False)
-            given["base_range"] = Numbers(2, 6).convert(answer, None, None) if answer.strip() else None
+    _BASE.ask(given, ask)
     ask(
         "torque_signal",
         "RTDE signal of the joint torques",
@@ -206,3 +174,5 @@ def _ask(given: dict[str, Any]) -> None:
     )
     if given["torque_signal"] == "external_torque":
         ask("torque_fields", "RTDE fields of the torques, separated by commas")
+    if given["tool_mass"]:  # a scene without a tool cannot have it
+        _WRIST.ask(given, ask)

@@ -9,7 +9,7 @@ from rich.table import Table
 
 from contactsense.scene import Scene, SceneError
 from contactsense.service.cli.joint_angles import joint_angles
-from contactsense.service.cli.picture_file import picture_file
+from contactsense.service.cli.picture_file import PicturePath, picture_file
 from contactsense.service.drawing.posture import usual_posture
 from contactsense.service.scene.skin_meshes import check_meshes
 from contactsense.service.scene.summary import (
@@ -23,7 +23,7 @@ from contactsense.service.scene.summary import (
 
 @click.command()
 @click.argument("path", metavar="SCENE", type=click.Path(path_type=Path))
-@click.option("--picture", type=click.Path(path_type=Path), help="Draw the arm in its place into this PNG.")
+@click.option("--picture", type=PicturePath(), help="Draw the arm in its place into this PNG.")
 @click.option(
     "--posture",
     "--pose",

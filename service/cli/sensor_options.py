@@ -13,7 +13,9 @@ _Command = TypeVar("_Command", bound=Callable[..., Any])
 _OPTIONS = (
     click.option("--robot-port", type=int, help="Its RTDE port.  [default: 30004]"),
     click.option(
-        "--robot-client", type=click.Choice(["rtde", "ur_rtde"]), help="Which client reads the robot."
+        "--robot-client",
+        type=click.Choice(["rtde", "ur_rtde"]),
+        help="Which client reads the robot.  [default: rtde]",
     ),
     click.option("--robot-rate", type=float, help="Robot samples per second.  [default: 500]"),
     click.option("--ft-host", help="Address of the force/torque sensor under the base (Net F/T)."),

@@ -59,13 +59,16 @@ READY = "serving at "
 @click.option("--tls-key", type=click.Path(path_type=Path), help="Its private key (PEM).")
 @click.option("--insecure-no-tls", is_flag=True, default=None, help="Serve other computers without TLS.")
 @click.option(
-    "--allowed-host", "allowed_hosts", multiple=True, help="Further host name that requests may use."
+    "--allowed-host",
+    "allowed_hosts",
+    multiple=True,
+    help="Further host name that requests may use; may be repeated.",
 )
 @click.option(
     "--allowed-origin",
     "allowed_origins",
     multiple=True,
-    help="Origin of a web page that may use the service.",
+    help="Origin of a web page that may use the service; may be repeated.",
 )
 @click.option("--max-connections", type=int, help="Largest number of open connections.  [default: 200]")
 @click.option("--max-body", type=int, help="Largest body of a request, in bytes.  [default: 8000000]")
@@ -75,16 +78,31 @@ READY = "serving at "
     default=None,
     help="Accept readings that never change, as those of a simulator without noise.",
 )
-@click.option("--log-level", type=click.Choice(["debug", "info", "warning", "error"]), help="[default: info]")
-@click.option("--log-format", type=click.Choice(["text", "json"]), help="[default: text]")
+@click.option(
+    "--log-level",
+    type=click.Choice(["debug", "info", "warning", "error"]),
+    help="Lowest level of what is logged.  [default: info]",
+)
+@click.option(
+    "--log-format", type=click.Choice(["text", "json"]), help="Text for people, or JSON.  [default: text]"
+)
 @click.option("--log-file", type=click.Path(path_type=Path), help="Log to this file, of bounded size.")
 @click.option(
     "--source",
     type=click.Choice(["robot", "push"]),
-    help="Where samples come from: read from the robot, or pushed by a controller over WS /v1/track.",
+    help="Where samples come from: read from the robot, or pushed by a controller over WS /v1/track.  "
+    "[default: robot]",
 )
-@click.option("--xmlrpc-port", type=int, help="Port for XML-RPC calls of robot programs; 0 takes a free one.")
-@click.option("--line-port", type=int, help="Port of the line socket for robot programs.")
+@click.option(
+    "--xmlrpc-port",
+    type=int,
+    help="Port for XML-RPC calls of robot programs; 0 takes a free one.  [default: closed]",
+)
+@click.option(
+    "--line-port",
+    type=int,
+    help="Port of the line socket for robot programs; 0 takes a free one.  [default: closed]",
+)
 @click.option("--controller-host", help="Address of these two ports.  [default: 127.0.0.1]")
 @click.option(
     "--controller-clients", help="Addresses of robots that may connect to them, separated by commas."

@@ -33,17 +33,41 @@ function drawArm(canvas, geometry, view) {
       low[i % 3] = Math.min(low[i % 3], points[i]); high[i % 3] = Math.max(high[i % 3], points[i]);
     }
   const center = low.map((x, i) => (x + high[i]) / 2);
-  // Looks at the contact from the side that it is on.
   let azimuth = 0.9, elevation = 0.35, zoom = 1;
-  if (view.normal) {
-    azimuth = Math.atan2(dot(view.normal, side), dot(view.normal, front)) + 0.5;
-    elevation = Math.max(-0.4, Math.min(0.9, 0.6 * Math.asin(Math.max(-1, Math.min(1, dot(view.normal, up)))) + 0.25));
-  }
   function camera() {
     const ca = Math.cos(azimuth), sa = Math.sin(azimuth), ce = Math.cos(elevation), se = Math.sin(elevation);
     const toward = [0, 1, 2].map(i => ce * (ca * front[i] + sa * side[i]) + se * up[i]);
     const right = unit(cross(up, toward));
     return [right, cross(toward, right), toward];
+  }
+  // Whether a part of the arm is between the viewer and the contact. The contact is raised by 3 mm: meshes are made
+  // of chords.
+  function isHidden() {
+    const [right, top, toward] = camera(), eye = view.point.map((x, i) => x + 3 * view.normal[i]);
+    return links.some(({points, faces}) => {
+      const seen = new Float32Array(points.length);
+      for (let i = 0; i < points.length; i += 3) {
+        const d = [points[i] - eye[0], points[i+1] - eye[1], points[i+2] - eye[2]];
+        seen[i] = dot(d, right); seen[i+1] = dot(d, top); seen[i+2] = dot(d, toward);
+      }
+      for (let i = 0; i < faces.length; i += 3) {
+        const [a, b, c] = [3*faces[i], 3*faces[i+1], 3*faces[i+2]];
+        const u = seen[b] * seen[c+1] - seen[c] * seen[b+1], v = seen[c] * seen[a+1] - seen[a] * seen[c+1];
+        const w = seen[a] * seen[b+1] - seen[b] * seen[a+1], size = u + v + w;
+        const within = (u >= 0 && v >= 0 && w >= 0) || (u <= 0 && v <= 0 && w <= 0);
+        if (size && within && (u * seen[a+2] + v * seen[b+2] + w * seen[c+2]) / size > 0) return true;
+      }
+      return false;
+    });
+  }
+  // Looks at the contact from the side that it is on, a little from above, past what is in front of it.
+  if (view.normal) {
+    const around = Math.atan2(dot(view.normal, side), dot(view.normal, front));
+    const above = Math.max(-0.4, Math.min(0.9, 0.6 * Math.asin(Math.max(-1, Math.min(1, dot(view.normal, up)))) + 0.25));
+    const views = [0, 0.4, -0.4, 0.8, -0.8].flatMap(
+      higher => [0.5, -0.5, 0, 1, -1].map(aside => [around + aside, above + higher]));
+    const shown = views.find(turned => { [azimuth, elevation] = turned; return !isHidden(); });
+    [azimuth, elevation] = shown || views[0];
   }
   // The whole arm fits into the picture as it is seen at first.
   const [right0, top0] = camera();

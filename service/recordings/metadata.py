@@ -47,7 +47,7 @@ def scene_of_meta(meta: Mapping[str, str], name: str) -> Scene:
     """
     text = meta.get(PREFIX + "scene")
     if text is None:
-        raise RecordingError(f"{name}: the file carries no scene; --scene names one")
+        raise RecordingError(f"{name}: the file carries no scene: name one with --scene")
     try:
         return Scene.model_validate(yaml.safe_load(text))
     except (ValidationError, yaml.YAMLError) as error:

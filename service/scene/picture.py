@@ -58,7 +58,7 @@ def _draw(scene: Scene, q: np.ndarray, path: Path) -> None:
             patch.set_label(f"{patch.get_label()} (not touchable)")
     legend += [Patch(color=_BODY_COLOURS[b.role], label=f"{b.name} ({b.role})") for b in scene.bodies]
     figure.legend(handles=legend, loc="outside lower center", ncols=5, frameon=False)
-    figure.suptitle(f"{scene.robot.name} as mounted, the vertical upward")
+    figure.suptitle(f"{scene.robot.name} in its mounting, seen from two sides")
     try:
         figure.savefig(path, format="png")
     finally:

@@ -21,9 +21,16 @@ from contactsense.scene_model.arm_weight import ArmWeight
 from contactsense.scene_model.link_prior import area_share, link_probability
 from contactsense.scene_model.scene_surfaces import scene_surfaces
 from contactsense.scene_model.wrench_map import WrenchMap
-from contactsense.sensors.settings import WrenchSensor
+from contactsense.sensors.settings import LinkWrenchSensor, Meaning, WrenchSensor
+from contactsense.service.scene.link_reading_at_rest import link_reading_at_rest
 from contactsense.service.scene.load_warnings import load_warnings
 
+_MEANINGS: dict[Meaning, str] = {
+    "motor": "the motors' torque: gravity, inertia, rotors and friction are in it",
+    "gravity_free": "the motors' torque without gravity: inertia, rotors and friction are in it",
+    "external": "the torque of contacts alone",
+}
+"""What the value of `joint_torque.meaning` says."""
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 
 
@@ -49,7 +56,7 @@ def summarize(scene: Scene, q: np.ndarray) -> tuple[Line, ...]:
         Line("bodies", _bodies(scene)),
         *_base_sensor(scene, weight, q),
         Line("joint_torque", _torque(scene)),
-        *_link_sensors(scene),
+        *_link_sensors(scene, q),
         Line("touchable", _touchable(scene)),
         Line("surface", surface_in_words(scene)),
         Line(
@@ -83,6 +90,9 @@ def as_plain(scene: Scene, q: np.ndarray) -> dict[str, Any]:
         "base_reading_at_rest": (
             None if sensor is None else WrenchMap.of(sensor).reading(weight.wrench(q)).tolist()
         ),
+        "link_readings_at_rest": {
+            field: link_reading_at_rest(scene, field, q).tolist() for field in scene.link_sensors
+        },
         "largest_base_reading_at_rest": None
         if sensor is None
         else largest_reading_at_rest(scene, sensor).tolist(),
@@ -184,10 +194,9 @@ def _base_sensor(scene: Scene, weight: ArmWeight, q: np.ndarray) -> tuple[Line, 
     limits = "range unknown"
     if sensor.range is not None:
         limits = f"at most {100.0 * (largest / sensor.limits).max():.0f} % of its range"
-    posture = ", ".join(f"{angle:.0f}" for angle in np.degrees(q))
     return (
         Line("base_wrench", _sensor(sensor, "base")),
-        Line("", f"must read {_wrench(reading)} at rest with joints at ({posture}) deg"),
+        Line("", _at_rest(reading, q)),
         Line(
             "",
             f"at rest up to {largest[:3].max():.0f} N, {largest[3:].max():.0f} Nm on one axis, in any "
@@ -206,15 +215,18 @@ def _in_motion(scene: Scene, field: str) -> str:
     )
 
 
-def _link_sensors(scene: Scene) -> Iterator[Line]:
-    for sensor in scene.link_wrenches:
-        field = f"link_wrenches.{sensor.name}"
-        yield Line(field, _sensor(sensor, sensor.link))
+def _at_rest(reading: np.ndarray, q: np.ndarray) -> str:
+    posture = ", ".join(f"{angle:.0f}" for angle in np.degrees(q))
+    return f"must read {_wrench(reading)} at rest with joints at ({posture}) deg"
+
+
+def _link_sensors(scene: Scene, q: np.ndarray) -> Iterator[Line]:
+    for field, sensor in scene.link_sensors.items():
+        yield Line(field, _sensor(sensor, sensor.link if isinstance(sensor, LinkWrenchSensor) else "flange"))
+        yield Line("", _at_rest(link_reading_at_rest(scene, field, q), q))
         yield Line("", _in_motion(scene, field))
-    wrist = scene.wrist_wrench
-    yield Line("wrist_wrench", "none" if wrist is None else _sensor(wrist, "flange"))
-    if wrist is not None:
-        yield Line("", _in_motion(scene, "wrist_wrench"))
+    if scene.wrist_wrench is None:
+        yield Line("wrist_wrench", "none")
 
 
 def _sensor(sensor: WrenchSensor, frame: str) -> str:
@@ -233,7 +245,7 @@ def _torque(scene: Scene) -> str:
         return "none"
     noise = sensor.noise if isinstance(sensor.noise, tuple) else (sensor.noise,)
     return (
-        f"{sensor.signal}, contains {sensor.contains}, sign {sensor.sign}; "
+        f"{sensor.signal}, {_MEANINGS[sensor.contains]}; sign {sensor.sign}; "
         f"noise {', '.join(f'{value:g}' for value in noise)} Nm"
     )
 

@@ -9,6 +9,8 @@ from contactsense.service.viewer.frame import HISTORY, Forces
 
 INTERVAL = 0.1
 """Shortest time between two drawings [s]."""
+_PADDING = (10, 16, 0, 0)
+"""Margin at the top, right, bottom and left: the labels of the last ticks reach beyond the axes [px]."""
 
 
 class ForcePlot:
@@ -35,6 +37,7 @@ class ForcePlot:
             ),
             legend=uplot.Legend(show=False),
             height=190,
+            padding=_PADDING,
             visible=False,
         )
         self._drawn = -float("inf")

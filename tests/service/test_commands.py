@@ -73,6 +73,7 @@ def test_the_demo_finds_a_push(tmp_path: Path) -> None:
     status, out, err = run("demo", "--script", str(script))
     assert "1 of 1 contacts on 1 links found on the right link" in out, out + err
     assert "forearm" in out
+    assert "share: of the samples under full force" in out
     assert status == 0
     assert err == ""
 

@@ -8,12 +8,14 @@ import pytest
 import trimesh
 import yaml
 from click.testing import CliRunner, Result
+from matplotlib import image
 
 from contactsense import Scene, robots
 from contactsense.robots.decomposition.decompose import Fit
 from contactsense.robots.decomposition.surface_error import HEADINGS, Errors, bodies_of
 from contactsense.service.cli.decompose import _report, beyond_tolerance
 from contactsense.service.cli.main import cli
+from contactsense.service.drawing.palette import link_colour, rgb
 from tests.robots.shapes import fork, two_meshes
 
 URDF = """
@@ -53,7 +55,12 @@ def test_robots_draws_one(tmp_path: Path) -> None:
     result = call("robots", "ur5e", "--picture", str(picture), "--posture", "0,-90,90,0,30,0")
     assert result.exit_code == 0, result.output
     assert picture.read_bytes().startswith(b"\x89PNG")
-    assert len(picture.read_bytes()) > 10000
+    drawn = image.imread(picture)[..., :3]
+    title, legend = drawn[:24], drawn[-70:].reshape(-1, 3)
+    assert (title.max(axis=2) < 0.2).sum() > 100
+    for link in range(len(robots.load("ur5e").links)):
+        colour = np.array(rgb(link_colour(link))) / 255.0
+        assert (np.abs(legend - colour).max(axis=1) < 0.02).sum() > 100
 
 
 @pytest.mark.parametrize(
@@ -76,7 +83,10 @@ def test_robots_draws_one(tmp_path: Path) -> None:
         (["decompose", "ur7"], 1, "unknown robot"),
         (["decompose", "none.urdf"], 1, "none.urdf: no such file"),
         (["decompose", "ur20"], 1, "no meshes known; name a folder"),
-        (["decompose", "ur5e", "--tolerance", "2 miles"], 2, "expected a length such as 2mm"),
+        (["decompose", "ur5e", "--tolerance", "2 miles"], 2, "with its unit, such as 2mm, got '2 miles'"),
+        (["decompose", "ur5e", "--tolerance", "2"], 2, "with its unit, such as 2mm, got '2'"),
+        (["decompose", "ur5e", "--picture", "arm.pdf"], 2, "expected a name that ends in .png, got arm.pdf"),
+        (["robots", "ur5e", "--picture", "arm.jpg"], 2, "expected a name that ends in .png, got arm.jpg"),
         (["decompose", "ur5e", "--meshes", "nowhere"], 1, "nowhere: no such folder"),
         (["decompose", "hand.stl"], 1, "hand.stl: a mesh, not an arm; is it a tool?"),
         (["decompose", "hand.stl", "--as-tool"], 1, "hand.stl: no such mesh"),

@@ -116,11 +116,9 @@ def test_json_has_every_place(scenes: tuple[str, str]) -> None:
             "--posture: expected 6 angles in degrees, separated by commas, got '0,a'",
         ),
         (("SCENE", "--posture", "0,0,400,0,0,0"), 2, "elbow_joint: expected -180 to 180 degrees, got 400"),
-        (
-            ("SCENE", *POSTURE, "--force", "-1"),
-            1,
-            "force: expected a positive number of newtons, at most 5000, got -1.0",
-        ),
+        (("SCENE", *POSTURE, "--force", "-1"), 2, "'--force': -1.0 is not in the range 0.0<x<=5000.0"),
+        (("SCENE", *POSTURE, "--detection", "1.5"), 2, "'--detection': 1.5 is not in the range 0.0<x<1.0"),
+        (("SCENE", *POSTURE, "--picture", "map.jpg"), 2, "'--picture': expected a name that ends in .png"),
         (("SCENE", *POSTURE, "--picture", "no/such/folder.png"), 1, "no/such/folder.png: cannot write"),
     ],
 )

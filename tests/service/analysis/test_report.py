@@ -62,6 +62,13 @@ def test_commands_in_messages_are_code_and_nothing_else_is_markup(message: str, 
     assert _code(message) == html
 
 
+def test_json_has_the_limits_that_are_exceeded(folder: Path) -> None:
+    limits = json.loads((folder / "result.json").read_text())[0]["limits"]
+    assert limits["provenance"] == "measured <by> us"
+    assert all("N above 22 N (quasi-static)" in texts[0] for texts in limits["exceeded"].values())
+    assert limits["exceeded"]
+
+
 def test_all_files_are_written(folder: Path) -> None:
     assert sorted(path.name for path in (folder / "out").iterdir()) == [
         "contacts.csv", "contacts.parquet", "estimates.parquet", "report.html", "report.md",
@@ -162,7 +169,7 @@ def test_an_uncalibrated_scene_is_warned_of_before_its_contacts(tmp_path: Path) 
     result = CliRunner().invoke(analyze, arguments)
     assert result.exit_code == 0, result.output
     warning = "The scene does not fit this recording"
-    assert result.stdout.index(f"warning: {warning}") < result.stdout.index("force N")
+    assert result.stdout.index(f"warning: {warning}") < result.stdout.index("place in link")
     assert "contactsense calibrate" in result.stdout
     # Said once.
     assert "line of the scene is wrong" not in result.stdout
@@ -255,7 +262,36 @@ def test_a_recording_that_carries_its_scene_needs_no_other(folder: Path, tmp_pat
     assert json.loads(result.stdout)[0]["contacts"][0]["link"] == "forearm"
     other = CliRunner().invoke(analyze, [str(folder / "demo.parquet"), "--out", str(tmp_path / "out")])
     assert other.exit_code == 1
-    assert "the file carries no scene; --scene names one" in other.stderr
+    assert "the file carries no scene: name one with --scene" in other.stderr
+
+
+def test_the_terminal_compares_with_limits_and_names_their_source(folder: Path, tmp_path: Path) -> None:
+    table = pa_parquet.read_table(folder / "demo.parquet").slice(0, 2600)
+    pa_parquet.write_table(table, tmp_path / "first.parquet")
+
+    def shown(force: float) -> str:
+        limits = tmp_path / "limits.yaml"
+        limits.write_text(
+            "provenance: measured [by us]\n"
+            f"regions: [{{name: hand, quasi_static: {force}, transient: {force}}}]\n"
+        )
+        words = [tmp_path / "first.parquet", "--scene", folder / "scene.yaml", "--out", tmp_path / "out"]
+        result = CliRunner().invoke(analyze, [*map(str, words), "--limits", str(limits)])
+        assert result.exit_code == 0, result.output
+        return result.stdout
+
+    exceeded, within = shown(2.0), shown(900.0)
+    assert re.search(
+        r"above your limits: contact at [\d.]+ s: hand: [\d.]+ N above 2 N \(transient\)", exceeded
+    )
+    times = re.findall(r"above your limits: contact at ([\d.]+) s", exceeded)
+    assert len(times) == len(set(times)) == 2  # each above two limits
+    assert "above your limits: none" in within
+    for text in (exceeded, within):
+        assert "limits from: measured [by us]. Forces are estimates" in text
+    rows = within.partition("duration")[2].partition("above")[0].splitlines()
+    assert "m/s" in rows[1]
+    assert max(len(row.rstrip()) for row in rows) <= 80
 
 
 def test_contacts_as_arrows(folder: Path, tmp_path: Path) -> None:

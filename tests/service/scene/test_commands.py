@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
-from contactsense import Scene
+from contactsense import Scene, WrenchSensor
 from contactsense.service.cli import scene_new, serve
 from contactsense.service.cli.main import cli
 from tests.service.seven_joints import seven_joints
@@ -38,6 +38,29 @@ def test_options_become_fields(tmp_path: Path) -> None:
     assert scene.link_prior == "equal"
 
 
+def test_a_wrist_sensor_is_described_as_one_under_the_base(tmp_path: Path) -> None:
+    """The e-Series arm of docs/sensors.md: no sensor under the base, one in the flange."""
+    path = tmp_path / "a.yaml"
+    e_series = ["new", path, "--robot", "ur10e", "--no-base-sensor", "--tool-mass", 1.2]
+    wrist = ["--wrist-noise", "5.5,0.5", "--wrist-range", "100,10", "--wrist-translation", "0,0,-0.01"]
+    result = _run(*e_series, *wrist, "--wrist-sign", "sensor_on_arm", "--wrist-rpy", "0,0,1.57")
+    assert result.exit_code == 0, result.output
+    scene = Scene.load(path)
+    assert scene.base_wrench is None
+    assert scene.wrist_wrench == WrenchSensor(
+        force_noise=5.5,
+        moment_noise=0.5,
+        range=(100.0, 10.0),
+        translation=(0.0, 0.0, -0.01),
+        rpy=(0.0, 0.0, 1.57),
+        sign="sensor_on_arm",
+    )
+    assert _run(*e_series, "--force", "--wrist-sensor").exit_code == 0
+    assert Scene.load(path).wrist_wrench == WrenchSensor()
+    assert _run(*e_series, "--force").exit_code == 0
+    assert Scene.load(path).wrist_wrench is None
+
+
 def test_the_robot_alone_gives_the_default_scene(tmp_path: Path) -> None:
     assert _run("new", tmp_path / "a.yaml", "--robot", "ur5e").exit_code == 0
     assert Scene.load(tmp_path / "a.yaml").model_dump() == Scene(robot="ur5e").model_dump()
@@ -47,6 +70,7 @@ def test_a_terminal_is_asked_for_what_is_missing(tmp_path: Path, monkeypatch: py
     monkeypatch.setattr(scene_new, "_on_terminal", lambda: True)
     answers = (
         "ur3e\nceiling\n0.8\n0,0,0.05\ny\nsensor_on_arm\n0,0,-0.04\n0,0,30\n0,0,0.5\n500,20\nactual_current\n"
+        "y\n\n\n\n80,8\n"
     )
     # 30 is an angle in degrees: refused, and nothing is written.
     refused = _run("new", tmp_path / "a.yaml", answers=answers.replace("0,0,0.5\n", ""))
@@ -59,6 +83,7 @@ def test_a_terminal_is_asked_for_what_is_missing(tmp_path: Path, monkeypatch: py
     assert (scene.robot.name, scene.mounting) == ("ur3e", "ceiling")
     assert scene.base_wrench is not None
     assert (scene.base_wrench.rpy, scene.base_wrench.range) == ((0.0, 0.0, 0.5), (500.0, 20.0))
+    assert scene.wrist_wrench == WrenchSensor(range=(80.0, 8.0))
 
 
 @pytest.mark.parametrize(
@@ -70,10 +95,15 @@ def test_a_terminal_is_asked_for_what_is_missing(tmp_path: Path, monkeypatch: py
         (
             ["--robot", "ur5e", "--mounting", "floor"],
             2,
-            "expected 3 numbers separated by commas, got 'floor'",
+            "--mounting': expected table, ceiling, wall or roll,pitch,yaw in rad, got 'floor'",
         ),
         (["--robot", "ur5e", "--tool-com", "0,0,0.1"], 2, "--tool-mass: expected the mass"),
         (["--robot", "ur5e", "--no-base-sensor", "--base-rpy", "0,0,1"], 2, "--no-base-sensor: expected no"),
+        (
+            ["--robot", "ur5e", "--no-wrist-sensor", "--wrist-noise", "4,0.3"],
+            2,
+            "--no-wrist-sensor: expected",
+        ),
         (["--robot", "ur5e", "--no-base-sensor", "--torque-signal", "none"], 1, "expected at least one"),
         (["--robot", "ur5e", "--torque-signal", "external_torque"], 1, "joint_torque.fields: expected the 6"),
     ],
@@ -119,6 +149,7 @@ def test_show_prints_what_was_understood(tmp_path: Path) -> None:
             ["a.yaml", "--posture", "1,2"],
             "--posture: expected 6 angles in degrees, separated by commas, got '1,2'",
         ),
+        (["a.yaml", "--picture", "a.jpg"], "'--picture': expected a name that ends in .png, got a.jpg"),
         (["a.yaml", "--picture", "no/where.png"], "no/where.png: cannot write the picture: No such file"),
     ],
 )

@@ -18,6 +18,7 @@ from contactsense.service.drawing.posture import usual_posture
 from contactsense.service.scene.picture import draw_scene
 from contactsense.service.scene.summary import (
     as_plain,
+    link_places,
     link_prior_line,
     prior_of_links,
     scene_warnings,
@@ -47,6 +48,36 @@ def test_the_reading_at_rest_is_that_of_the_sensors_own_frame_and_sign() -> None
     moment = np.array(plain[3:]) - np.cross([0.1, 0.0, 0.0], plain[:3])
     np.testing.assert_allclose(reading[:3], [0.0, 0.0, -plain[2]], atol=1e-9)
     np.testing.assert_allclose(reading[3:], [-moment[1], moment[0], -moment[2]], atol=1e-9)
+
+
+def test_a_sensor_in_the_arm_reads_the_weight_of_what_it_carries() -> None:
+    tool = Tool(name="gripper", mass=1.2, com=(0.01, 0.02, 0.06))
+    elbow = LinkWrenchSensor(name="elbow", link="forearm", sign="sensor_on_arm")
+    scene = Scene(robot="ur5e", tool=tool, link_wrenches=(elbow,), wrist_wrench=WrenchSensor())
+    readings = as_plain(scene, Q)["link_readings_at_rest"]
+    flange = link_places(scene, Q)[-1]
+    weight = flange[:3, :3].T @ [0.0, 0.0, -1.2 * 9.81]
+    np.testing.assert_allclose(readings["wrist_wrench"], [*weight, *np.cross(tool.com, weight)], atol=1e-9)
+    carried = sum(link.inertia.mass for link in scene.robot.links[3:]) + 1.2
+    forearm = link_places(scene, Q)[3]
+    np.testing.assert_allclose(
+        readings["link_wrenches.elbow"][:3], forearm[:3, :3].T @ [0.0, 0.0, 9.81 * carried], atol=1e-9
+    )
+    numbers = ", ".join(f"{value + 0.0:.1f}" for value in np.round(weight, 1))
+    assert f"must read force ({numbers}) N" in _text(scene).partition("wrist_wrench")[2]
+
+
+def test_the_meaning_of_the_torques_is_said_in_words() -> None:
+    text = _text(Scene(robot="ur5e"))
+    assert (
+        "actual_current_as_torque, the motors' torque: gravity, inertia, rotors and friction are in it"
+        in text
+    )
+    fields = tuple(f"output_double_register_{i}" for i in range(6))
+    external = _text(
+        Scene(robot="ur5e", joint_torque=JointTorqueSensor(signal="external_torque", fields=fields))
+    )
+    assert "external_torque, the torque of contacts alone; sign by_actuator" in external
 
 
 def test_absent_parts_are_said_to_be_absent() -> None:

@@ -10,6 +10,16 @@ from contactsense.service.viewer.force_plot import ForcePlot
 from contactsense.service.viewer.frame import Forces
 
 
+def test_the_label_of_the_topmost_tick_has_room() -> None:
+    chosen: dict[str, Any] = {}
+    ForcePlot(
+        cast(viser.GuiApi, SimpleNamespace(add_uplot=lambda *_, **settings: chosen.update(settings))), 1
+    )
+    top, right, *_ = chosen["padding"]
+    assert top >= 8  # half the height of a label
+    assert right >= 8
+
+
 def test_it_is_hidden_until_there_are_forces_over_time() -> None:
     shown = SimpleNamespace()
 
