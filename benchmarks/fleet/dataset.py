@@ -19,7 +19,7 @@ from contactsense.service.mock.simulated_arm import Motion, joint_motion, simula
 from contactsense.service.recordings.export import write_columns
 
 COULOMB, VISCOUS = (6.0, 6.0, 4.0, 2.0, 2.0, 2.0), (6.0, 6.0, 4.0, 2.0, 2.0, 2.0)
-"""Friction of the joints in the scenes [Nm, Nms/rad]."""
+"""Friction of the joints in the scenes [Nm, Nm s/rad]."""
 FRICTION_DRIFT, WORN_DRIFT = 0.15, 0.8
 """Maximum relative change of friction over the year; the same for the one robot that wears."""
 DAY_DEVIATION = 0.02

@@ -99,7 +99,7 @@ def _group_parameters(arm: CalibrationModel, group: Group) -> list[Entry]:
         fraction, unit = {
             "bias": (0.05, "Nm"),
             "coulomb": (0.1, "Nm"),
-            "viscous": (0.1, "Nms/rad"),
+            "viscous": (0.1, "Nm s/rad"),
             "rotor": (0.03, "kg m^2"),
             "lubricant": (0.1, "Nm"),
             "load": (0.0, ""),

@@ -31,7 +31,7 @@ class JointTorqueModel(NamedTuple):
     load: Annotated[Floats, "joints"]
     """Coulomb friction per gravity torque."""
     viscous: Annotated[Floats, "joints"]
-    """Viscous friction [Nms/rad]."""
+    """Viscous friction [Nm s/rad]."""
     lubricant: Annotated[Floats, "joints"]
     """Friction of the lubricant [Nm]."""
     friction_factor: Annotated[Floats, "joints"]

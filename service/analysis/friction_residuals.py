@@ -47,7 +47,7 @@ class FrictionChange:
     coulomb: np.ndarray
     """Coulomb friction [Nm], shape (n,)."""
     viscous: np.ndarray
-    """Viscous friction [Nms/rad], shape (n,)."""
+    """Viscous friction [Nm s/rad], shape (n,)."""
     coulomb_std: np.ndarray
     """Standard deviation by the noise of the residuals, shape (n,)."""
     viscous_std: np.ndarray
@@ -58,7 +58,7 @@ class FrictionChange:
     def __repr__(self) -> str:
         return (
             f"<friction beyond the scene's: Coulomb {np.round(self.coulomb, 3).tolist()} Nm, viscous "
-            f"{np.round(self.viscous, 3).tolist()} Nms/rad>"
+            f"{np.round(self.viscous, 3).tolist()} Nm s/rad>"
         )
 
 

@@ -13,8 +13,8 @@ from contactsense.service.sensors.robot_stream import SensorError
 from contactsense.service.wire.rtde_fields import JOINTS
 
 READERS = (
-    "ft_host", "ft_fields", "ft_port", "ft_http_port", "ft_counts", "robot_port", "robot_client",
-    "wrist_fields", "link_wrenches", "constant_readings",
+    "ft_host", "ft_fields", "ft_port", "ft_http_port", "ft_counts", "ft_rate", "robot_port",
+    "robot_client", "wrist_fields", "link_wrenches", "constant_readings",
 )  # fmt: skip
 """Settings of how the robot and its sensors are read: without effect where the service reads no robot."""
 _REACTIONS_TOO = ("robot_host", "robot_port")
@@ -82,6 +82,7 @@ def reader_settings(settings: Settings, scene: Scene) -> SourceSettings | None:
         wrench_port=settings.ft_port,
         wrench_http_port=settings.ft_http_port,
         wrench_counts=settings.ft_counts,
+        wrench_rate=settings.ft_rate,
         wrench_fields=settings.ft_fields or (),
         wrist_fields=settings.wrist_fields,
         link_wrenches={name: source.source for name, source in settings.link_wrenches.items()},

@@ -118,6 +118,9 @@ class Settings(BaseModel):
     """Port of the sensor's configuration page."""
     ft_counts: Counts | None = None
     """The sensor's counts per N and per Nm, instead of reading the configuration page."""
+    ft_rate: PositiveFloat | None = None
+    """The sensor's samples per second [Hz]; None: estimated from the arrivals, which takes longer on a busy
+    computer."""
     ft_fields: Fields | None = None
     """Six RTDE fields with the base sensor's reading [N, Nm], instead of `ft_host`."""
     wrist_fields: Names = ("ft_raw_wrench",)

@@ -24,6 +24,9 @@ _OPTIONS = (
     click.option(
         "--ft-counts", help="Its counts per N and per Nm, as 1000000,1000000, instead of asking it."
     ),
+    click.option(
+        "--ft-rate", type=float, help="Its samples per second.  [default: estimated from the arrivals]"
+    ),
     click.option("--ft-fields", help="Six RTDE fields that carry its reading, separated by commas."),
 )
 

@@ -57,11 +57,11 @@ class RobotSummary:
     coulomb: list[list[float | None]] = field(default_factory=list)
     """Coulomb friction beyond the scene's in each segment [Nm], None if unknown."""
     viscous: list[list[float | None]] = field(default_factory=list)
-    """The same of viscous friction [Nms/rad]."""
+    """The same of viscous friction [Nm s/rad]."""
     coulomb_std: list[list[float | None]] = field(default_factory=list)
     """Standard deviations of the Coulomb part [Nm]."""
     viscous_std: list[list[float | None]] = field(default_factory=list)
-    """The same of the viscous part [Nms/rad]."""
+    """The same of the viscous part [Nm s/rad]."""
     day_hours: dict[str, float] = field(default_factory=dict)
     """The same on each day [h]."""
     day_contacts: dict[str, int] = field(default_factory=dict)
@@ -77,7 +77,7 @@ class RobotSummary:
         return daily_median(self.dates, self.base_bias), joint
 
     def friction_by_day(self) -> tuple[Daily, Daily]:
-        """Coulomb [Nm] and viscous [Nms/rad] friction beyond the scene's on each day."""
+        """Coulomb [Nm] and viscous [Nm s/rad] friction beyond the scene's on each day."""
         return (
             daily_mean(self.dates, self.coulomb, self.coulomb_std),
             daily_mean(self.dates, self.viscous, self.viscous_std),

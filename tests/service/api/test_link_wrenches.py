@@ -32,6 +32,6 @@ def test_the_answer_is_that_of_the_localizer() -> None:
     sample = StaticSample(
         truth.q[i].tolist(), None, truth.torque[i].tolist(), None, {"elbow": truth.base_wrench[i].tolist()}
     )
-    answer = json.loads(_located(Localizer(SCENE), sample, True))
+    answer = json.loads(_located(Localizer(SCENE), sample, True, 1))
     assert answer["contacts"][0]["link"] == "forearm"
     assert np.linalg.norm(np.array(answer["contacts"][0]["point_base"]) - truth.point[i]) < 0.01

@@ -7,7 +7,7 @@ import pytest
 
 from contactsense import Scene
 from contactsense.service.api.app import create_app
-from contactsense.service.api.sample_source import check_robot_address, open_source, unused
+from contactsense.service.api.sample_source import check_robot_address, open_source, reader_settings, unused
 from contactsense.service.api.scene_file import load_scene
 from contactsense.service.api.settings import Settings, SettingsError
 from contactsense.service.reactions.rules import ReactionRules
@@ -25,6 +25,13 @@ def test_a_base_sensor_must_be_somewhere() -> None:
     settings = Settings(robot_host="192.0.2.1")
     with pytest.raises(SettingsError, match=r"--ft-host.*--ft-fields.*neither"):
         open_source(settings, load_scene(settings))
+
+
+def test_the_rate_of_the_sensor_may_be_given() -> None:
+    settings = Settings(robot_host="192.0.2.1", ft_host="192.0.2.2", ft_rate=7000.0)
+    found = reader_settings(settings, load_scene(settings))
+    assert found is not None
+    assert found.wrench_rate == 7000.0
 
 
 def test_rtde_has_six_joints(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ def test_from_the_environment() -> None:
         "CONTACTSENSE_ROBOT": "ur10e",
         "CONTACTSENSE_PORT": "0",
         "CONTACTSENSE_FT_COUNTS": "1000000, 1000000",
+        "CONTACTSENSE_FT_RATE": "7000",
         "CONTACTSENSE_SHARED": "not ours",
         "HOME": "/",
     }
@@ -20,6 +21,7 @@ def test_from_the_environment() -> None:
     assert settings.robot == "ur10e"
     assert settings.port == 0
     assert settings.ft_counts == (1e6, 1e6)
+    assert settings.ft_rate == 7000.0
 
 
 def test_options_of_a_group_are_variables_too(tmp_path: Path) -> None:
