@@ -194,6 +194,11 @@ class ReactionListener:
         self._last_write = self._now
         return self._inputs.write("registers", values)
 
+    @property
+    def _unwritten(self) -> str:
+        """Why the registers cannot be written where their connection tells no error."""
+        return "not connected" if self._restored else "the latched collisions of before are not known yet"
+
     def _carry_out(self, decisions: Sequence[Decision], written: bool) -> None:
         """Report the decisions and start their actions; `written`: whether the registers show them."""
         for decision in decisions:
@@ -215,7 +220,7 @@ class ReactionListener:
         if isinstance(action, RegistersAction):
             if begins:
                 self._health[name].started += 1
-                self._note(name, written, "" if written else self._health[name].error or "not connected")
+                self._note(name, written, "" if written else self._health[name].error or self._unwritten)
         elif isinstance(action, SpeedSliderAction):
             self._move_slider(begins)
         elif begins and isinstance(action, WebhookAction):

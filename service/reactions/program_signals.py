@@ -23,18 +23,21 @@ class ProgramSignals:
         return tuple(name for name in (self._outputs.acknowledge, self._outputs.announce) if name is not None)
 
     def acknowledged(self, values: Mapping[str, Number]) -> bool:
-        """Whether the program has just set its output to acknowledge: the way back does nothing."""
-        return bool(self._changed(self._outputs.acknowledge, values))
+        """Whether the program's output to acknowledge has just left 0."""
+        before, _ = self._change(self._outputs.acknowledge, values)
+        return before == 0
 
     def announced(self, values: Mapping[str, Number]) -> int | None:
         """The value of the contact that the program has just announced, which may be that of none; None: the
         output is as it was."""
-        return self._changed(self._outputs.announce, values)
+        _, value = self._change(self._outputs.announce, values)
+        return value
 
-    def _changed(self, name: str | None, values: Mapping[str, Number]) -> int | None:
-        """The new value of an output; None where it is as it was, or is read for the first time."""
+    def _change(self, name: str | None, values: Mapping[str, Number]) -> tuple[int | None, int | None]:
+        """Value of an output before and after a change; None where it is as it was, or is read for the first
+        time."""
         if name is None or name not in values:
-            return None
+            return None, None
         value, before = int(values[name]), self._last.get(name)
         self._last[name] = value
-        return None if before is None or value == before else value
+        return (None, None) if before is None or value == before else (before, value)
