@@ -19,7 +19,6 @@ from contactsense.multi_contact.buffers import (
 from contactsense.multi_contact.contact_step import move_to_cells
 from contactsense.multi_contact.further_contact import (
     SingleContactSearch,
-    are_most_spread,
     is_any_broad,
     locate_further_contact,
 )
@@ -154,10 +153,9 @@ def _find_starts(
             links = single.problem.scene.surfaces.link
             weigh_by_known_forces(links, model, known.contacts, candidates, found, seeding)
         is_broad = found > 0 and is_any_broad(candidates, found)
-        # Of two free forces little is known: where places are spread as well, sums over samples know the
-        # evidence better than the candidates do.
-        is_free = known.measured and known.contacts > 1 and known.drift == math.inf
-        is_pooled = is_free and are_most_spread(candidates, found)
+        # The search for one contact takes free forces for normally distributed, so that they may pull: with
+        # two of them the places that it finds are no reliable starts.
+        is_pooled = is_broad and known.measured and known.contacts > 1 and known.drift == math.inf
     if is_pooled or further > 1:
         seeds = find_seeds(model, further, seeding)
     if further == 1:

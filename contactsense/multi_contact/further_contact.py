@@ -18,9 +18,6 @@ from contactsense.multi_contact.buffers import Measurement, SeedingBuffers
 from contactsense.multi_contact.link_information import fill_link_information
 from contactsense.robots.jit.kernel import fused_kernel
 
-SPREAD_DEVIATION = 0.08
-"""Standard deviation of a place that is spread over a good part of a link [m]: its candidate, one normal
-distribution, says little of where the evidence is."""
 MIN_CANDIDATE_PROBABILITY = 1e-3
 """Candidates less probable than this are dropped."""
 
@@ -99,20 +96,6 @@ def _link_hypotheses(measurement: Measurement, scale: float, seeding: SeedingBuf
         hypotheses.log_evidence[link] = -hypotheses.energy[link]
         lowest = min(lowest, hypotheses.energy[link])
     return lowest
-
-
-@fused_kernel
-def are_most_spread(candidates: Candidates, count: int) -> bool:
-    """Whether more than half of the probability of the first `count` candidates is on places that are spread
-    over a good part of a link, see `SPREAD_DEVIATION`."""
-    spread, total = 0.0, 0.0
-    for k in range(count):
-        row = candidates.order[k]
-        C = candidates.covariance[row]
-        total += candidates.probability[row]
-        if C[0, 0] + C[1, 1] + C[2, 2] > SPREAD_DEVIATION * SPREAD_DEVIATION:
-            spread += candidates.probability[row]
-    return spread > 0.5 * total
 
 
 @fused_kernel

@@ -6,8 +6,8 @@ places, but less exactly:
 
 - Two contacts of which nothing is known: the sum over all pairs of samples. Each is blurred by the distance
   between samples, so that pairs of links on which nothing explains the measurement keep much of it.
-- A third contact beside two whose forces are free, where its places are spread: the search for one contact
-  sums over the surface, with the known contacts in a normal distribution. Their forces may pull there.
+- A third contact beside two whose forces are free: the search for one contact sums over the surface, with the
+  known contacts in a normal distribution. Their forces may pull there.
 
 The pool is the weighted geometric mean of both,
 
