@@ -12,7 +12,7 @@ import pytest
 
 from contactsense import Scene
 from contactsense.service.api.messages import EstimateOut
-from contactsense.service.live.locate_process import LocateError, LocateProcess, StaticSample
+from contactsense.service.live.locate_process import LocateError, LocateProcess, Request, StaticSample
 from tests.service.loopback import until
 
 SAMPLE = StaticSample([0.0, -1.3, 1.6, -1.9, -1.57, 0.0], [5.9, 2.4, -19.0, -1.1, -2.3, -0.6], None, None)
@@ -135,7 +135,8 @@ def test_a_request_that_is_cancelled_keeps_its_turn_until_it_is_answered(
     working: list[object] = []
     answered = threading.Event()
 
-    def ask(_: LocateProcess, samples: list[StaticSample], external: bool) -> list[bytes]:
+    def ask(process: LocateProcess, request: Request) -> list[bytes]:
+        samples = request[0]
         working.append(samples)
         at_once.append(len(working))
         answered.wait(10.0)
