@@ -137,15 +137,17 @@ def at_pose(surfaces: Surfaces, poses: np.ndarray) -> Surfaces:
     )
 
 
-def draw_arm(robot: Robot, q: np.ndarray, path: str | Path, coarse: bool = False, pixels: int = 700) -> None:
-    """Write a PNG of an arm's primitives, coloured by link, seen from two sides.
+def render_arm(robot: Robot, q: np.ndarray, coarse: bool = False, pixels: int = 700) -> np.ndarray:
+    """An arm's primitives, coloured by link, seen from two sides.
 
     Args:
         robot: The arm.
         q: Joint angles, shape (n,) [rad].
-        path: Of the PNG.
         coarse: Whether to show the coarse level instead of the fine one.
         pixels: Longer side of each view.
+
+    Returns:
+        8-bit colours, shape (rows, columns, 3).
 
     Raises:
         ValueError: the robot has no primitives, or `q` is no pose of it.
@@ -164,7 +166,7 @@ def draw_arm(robot: Robot, q: np.ndarray, path: str | Path, coarse: bool = False
         # Primitives of one link in two shades, so that their seams show.
         colours = colours * np.where(which[..., None] % 2 == 0, 1.0, 0.86)
         images.append(view.shaded(normals, colours, which >= 0))
-    save(side_by_side(images), path)
+    return side_by_side(images)
 
 
 def side_by_side(images: Sequence[np.ndarray]) -> np.ndarray:

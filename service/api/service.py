@@ -270,8 +270,8 @@ class Service:
                 "estimate_age": runner.estimate_age,
                 "report_age": runner.report_age,
                 "handover": runner.handover,
-                "message_errors": runner.message_errors,
-                "last_message_error": runner.last_message_error,
+                "message_errors": runner.message_errors.count,
+                "last_message_error": runner.message_errors.last,
             }
         )
         return HealthOut(

@@ -6,7 +6,7 @@ import matplotlib as mpl
 import numpy as np
 
 from contactsense.robots import Robot
-from contactsense.robots.rendering import COLOURS, draw_arm
+from contactsense.robots.rendering import COLOURS, render_arm
 from contactsense.service.drawing.figure_style import figure_style
 
 _DENSITY = 100.0
@@ -26,18 +26,17 @@ def draw_arm_picture(robot: Robot, q: np.ndarray, path: Path, coarse: bool) -> N
         OSError: the file cannot be written.
         ValueError: the robot has no primitives, or `q` is no posture of it.
     """
-    draw_arm(robot, q, path, coarse)
+    views = render_arm(robot, q, coarse)
     mpl.use("Agg")
     with figure_style():
-        _frame(robot, path, "coarse" if coarse else "fine")
+        _write(robot, views, path, "coarse" if coarse else "fine")
 
 
-def _frame(robot: Robot, path: Path, detail: str) -> None:
-    """Put title and legend around the picture in the file."""
-    from matplotlib import image, pyplot
+def _write(robot: Robot, views: np.ndarray, path: Path, detail: str) -> None:
+    """Write the views, shape (rows, columns, 3), with title and legend around them."""
+    from matplotlib import pyplot
     from matplotlib.patches import Patch
 
-    views = image.imread(path)
     rows, columns = views.shape[:2]
     figure, axes = pyplot.subplots(
         figsize=(columns / _DENSITY, rows / _DENSITY + 1.0), dpi=_DENSITY, layout="constrained"

@@ -2,23 +2,19 @@
 service.
 
 A busy Python thread in the same process can delay a wake-up by many milliseconds, so this process does
-nothing else. Messages that the service does not read in time wait in a bounded outbox; when it is full, the
-oldest are dropped and counted.
+nothing else.
 """
 
 import contextlib
 import json
-import select
 import socket
-import struct
 import sys
 import threading
 import time
 import traceback
-from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from datetime import UTC, datetime
-from typing import Any, Protocol, TypeVar
+from typing import Protocol
 
 from contactsense import Estimate, Localizer, Sample, Scene
 from contactsense.output.degraded_reason import NEW_STREAM
@@ -28,7 +24,17 @@ from contactsense.service.api.messages import PipelineHealth, SensorHealth, Sour
 from contactsense.service.events.summary import ContactSummaries
 from contactsense.service.group_signals import leave_to_parent
 from contactsense.service.live.error_times import ErrorTimes
-from contactsense.service.live.listener import Listener, Reporter
+from contactsense.service.live.listener import Listener
+from contactsense.service.live.listener_calls import Listeners
+from contactsense.service.live.pipeline_connection import (
+    ESTIMATE,
+    HEALTH,
+    LAST_WORDS,
+    LOADING,
+    REPORT,
+    Inbox,
+    Outbox,
+)
 from contactsense.service.live.scheduling import PIPELINE, Scheduling, prefer_low_latency, prioritize
 from contactsense.service.live.step_times import StepTimes
 from contactsense.service.process_argument import receive
@@ -37,27 +43,16 @@ from contactsense.service.sensors.netft_client import WrenchHealth
 from contactsense.service.sensors.robot_stream import StreamHealth
 from contactsense.stream_localizer import kernels_of
 
-HEAD = struct.Struct("<cdI")
-"""Header of each message: kind, time of the sample [s], number of bytes that follow."""
-ESTIMATE, HEALTH, LOADING, LAST_WORDS, REPORT = b"E", b"H", b"C", b"L", b"R"
-"""Kinds of messages: an estimate, the health of sensors and process, the progress of the compilation, the
-error that ends the process, a report of a listener."""
 HEARTBEAT = 0.25
 """Longest time between two health messages of a healthy process [s]."""
 
-_OUTBOX = 1000
-"""Messages that wait for the service at most: two seconds of estimates."""
 _TICK = 0.01
 """Longest wait for samples before listeners and commands have their turn [s]."""
-_MAX_COMMAND = 1 << 20
-"""Largest command of the service [bytes]."""
 _FAREWELL = 10.0
 """Longest time for the last words, which wait behind all other messages, to be sent [s]: a busy service reads
 late."""
 ANOTHER_SOURCE = f"a controller has connected anew: {NEW_STREAM}"
 """Why the estimation begins anew."""
-
-_L = TypeVar("_L")
 
 ListenerFactory = Callable[[Scene], Listener]
 """Creates a listener; called in the pipeline's process, so it must be picklable."""
@@ -92,159 +87,6 @@ class Stepper(Protocol):
         """Begin another stream; `why` is the reason of its first estimate."""
 
 
-class Outbox:
-    """Sends messages over a socket without ever waiting for it."""
-
-    def __init__(self, connection: socket.socket, size: int = _OUTBOX) -> None:
-        connection.setblocking(False)
-        self._connection = connection
-        self._size = size
-        self._waiting: deque[bytes] = deque()
-        self._begun = memoryview(b"")  # rest of a partly sent message
-        self.dropped = 0
-        """Number of dropped messages."""
-
-    def post(self, kind: bytes, t: float, payload: bytes) -> None:
-        """Send a message, or keep it until the socket accepts it. Estimates are dropped first.
-
-        Raises:
-            OSError: The other end has been closed.
-        """
-        if len(self._waiting) >= self._size:
-            oldest = next((i for i, waiting in enumerate(self._waiting) if waiting[:1] == ESTIMATE), 0)
-            del self._waiting[oldest]
-            self.dropped += 1
-        self._waiting.append(HEAD.pack(kind, t, len(payload)) + payload)
-        self.flush()
-
-    def flush(self) -> None:
-        """Send as much as the socket accepts now."""
-        while self._begun or self._waiting:
-            if not self._begun:
-                self._begun = memoryview(self._waiting.popleft())
-            try:
-                self._begun = self._begun[self._connection.send(self._begun) :]
-            except BlockingIOError:
-                return
-
-    def finish(self, patience: float) -> None:
-        """Send all that waits; gives up after `patience` seconds.
-
-        Raises:
-            OSError: The other end has been closed.
-        """
-        deadline = time.monotonic() + patience
-        poller = select.poll()
-        poller.register(self._connection, select.POLLOUT)
-        self.flush()
-        while self._begun and (left := deadline - time.monotonic()) > 0.0:
-            poller.poll(left * 1e3)
-            self.flush()
-
-
-class Inbox:
-    """Receives commands from the service: one JSON object per line.
-
-    Args:
-        connection: Connection to the service; it does not block.
-        refuse: Called with the reason for each command that is left out.
-    """
-
-    def __init__(self, connection: socket.socket, refuse: Callable[[str], None]) -> None:
-        self._connection = connection
-        self._refuse = refuse
-        self._rest = b""
-
-    def take(self) -> list[dict[str, Any]]:
-        """Return the commands that have arrived; does not wait.
-
-        Raises:
-            OSError: The service has closed the connection.
-        """
-        try:
-            chunk = self._connection.recv(1 << 16)
-        except BlockingIOError:
-            return []
-        if not chunk:
-            raise BrokenPipeError
-        *lines, rest = (self._rest + chunk).split(b"\n")
-        self._rest = rest[: _MAX_COMMAND + 1]  # enough to show that the command is too long
-        return [json.loads(line) for line in lines if self._accepts(line)]
-
-    def _accepts(self, line: bytes) -> bool:
-        if len(line) <= _MAX_COMMAND:
-            return True
-        begin = line[:40].decode(errors="replace")
-        self._refuse(f"command {begin}...: expected at most {_MAX_COMMAND} bytes, got more; it is left out")
-        return False
-
-
-class Listeners:
-    """Calls the listeners. Exceptions of a listener do not stop the pipeline.
-
-    Args:
-        listeners: The listeners, in the order in which they are called.
-        outbox: Where their reports to the service are posted.
-    """
-
-    def __init__(self, listeners: Sequence[Listener], outbox: Outbox) -> None:
-        self._listeners = listeners
-        self._reporters = [listener for listener in listeners if isinstance(listener, Reporter)]
-        self._outbox = outbox
-        self.errors = 0
-        """Number of exceptions so far, and of commands that were refused."""
-        self.last_error = ""
-        """The latest exception or refusal, as text."""
-
-    def receive(self, sample: Sample, estimate: Estimate) -> None:
-        """Pass a sample and its estimate to all listeners."""
-        self._each(self._listeners, lambda listener: listener.receive(sample, estimate))
-        self._send_reports(estimate.t)
-
-    def tick(self, now: float) -> None:
-        """Let all listeners do what is due at this time of the host's monotonic clock [s]."""
-        self._each(self._listeners, lambda listener: listener.tick(now))
-        self._send_reports(now)
-
-    def command(self, message: dict[str, Any]) -> None:
-        """Pass a command of the service to all listeners."""
-        self._each(self._reporters, lambda reporter: reporter.command(message))
-
-    def close(self) -> None:
-        """Close all listeners."""
-        self._each(self._listeners, lambda listener: listener.close())
-
-    def count_error(self, text: str) -> None:
-        """Count an error of the listeners or of their commands, for health."""
-        self.errors += 1
-        self.last_error = text
-
-    def _each(self, listeners: Sequence[_L], call: Callable[[_L], None]) -> None:
-        for listener in listeners:
-            with self._counted(listener):
-                call(listener)
-
-    @contextlib.contextmanager
-    def _counted(self, listener: object) -> Iterator[None]:
-        try:
-            yield
-        except Exception as error:
-            self.count_error(f"{type(listener).__name__}: {type(error).__name__}: {error}")
-
-    def _send_reports(self, t: float) -> None:
-        messages: list[bytes] = []
-
-        def collect(reporter: Reporter) -> None:
-            for report in reporter.take_reports():
-                with self._counted(reporter):  # a report that is no JSON loses none of the others
-                    messages.append(json.dumps(report).encode())
-
-        self._each(self._reporters, collect)
-        for message in messages:
-            # The end of the service is no error of a listener.
-            self._outbox.post(REPORT, t, message)
-
-
 def work(
     connection: socket.socket,
     open_source: Callable[[Scene], Source],
@@ -269,7 +111,7 @@ def work(
                 contextlib.closing(open_source(scene)) as source,
                 contextlib.closing(Listeners([make(scene) for make in factories], outbox)) as listeners,
             ):
-                inbox = Inbox(connection, listeners.count_error)
+                inbox = Inbox(connection, listeners.errors.add)
                 prefer_low_latency()
                 run(source, localizer, outbox, listeners, inbox, scheduling)
         except (BrokenPipeError, ConnectionResetError):
@@ -370,8 +212,8 @@ def run(
                 scheduling=scheduling,
                 dropped=outbox.dropped,
                 step=step_time,
-                listener_errors=listeners.errors,
-                last_listener_error=listeners.last_error,
+                listener_errors=listeners.errors.count,
+                last_listener_error=listeners.errors.last,
                 step_counts=step_times.counts,
                 step_sum=step_times.total,
             )

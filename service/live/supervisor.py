@@ -13,7 +13,7 @@ import multiprocessing
 import os
 import socket
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from multiprocessing.process import BaseProcess
 from typing import Any, Literal
@@ -21,19 +21,18 @@ from typing import Any, Literal
 from contactsense import Scene
 from contactsense.plausibility.stream_start import FROM_START
 from contactsense.service.api.messages import PipelineHealth, SourceHealth
+from contactsense.service.live.error_count import ErrorCount
 from contactsense.service.live.latest_estimate import LatestEstimate
 from contactsense.service.live.loading import Loading, OnLoading
-from contactsense.service.live.pipeline_process import (
+from contactsense.service.live.pipeline_connection import (
     ESTIMATE,
     HEAD,
     HEALTH,
     LAST_WORDS,
     LOADING,
     REPORT,
-    ListenerFactory,
-    Source,
-    work,
 )
+from contactsense.service.live.pipeline_process import ListenerFactory, Source, work
 from contactsense.service.live.process_exit import end, exit_code
 from contactsense.service.live.silence import TICK, Silence, process_state
 from contactsense.service.live.status import STALE, Facts, Status, assess
@@ -114,10 +113,11 @@ class Runner:
         """Number of estimates received since the service started."""
         self.handover: float | None = None
         """Transfer time of the latest report from the process to the service [s]."""
-        self.message_errors = 0
-        """Number of messages of the process that could not be handled."""
-        self.last_message_error = ""
-        """The latest such error: kind of message, then the exception."""
+        # The process is healthy, and its next messages must not be lost.
+        self.message_errors = ErrorCount(
+            lambda text: log.exception("a message of the pipeline could not be handled: %s", text)
+        )
+        """Messages of the process that could not be handled: kind of message, then the exception."""
         self._last_status: Status = "starting"
         self._status_log = StatusLog()
         self.others: Callable[[], Sequence[str]] = tuple
@@ -277,20 +277,10 @@ class Runner:
                 return f"failed ({payload.decode(errors='replace')})"
             if kind != LOADING:
                 self.loaded.set()
-                with self._counted(LOADING):
+                with self.message_errors.catching(_NAMES[LOADING]):
                     self.loading.end()
-            with self._counted(kind):
+            with self.message_errors.catching(_NAMES[kind]):
                 self._take(kind, t, payload)
-
-    @contextlib.contextmanager
-    def _counted(self, kind: bytes) -> Iterator[None]:
-        """Log and count an exception: the process is healthy, and its next messages must not be lost."""
-        try:
-            yield
-        except Exception as error:
-            self.message_errors += 1
-            self.last_message_error = f"{_NAMES[kind]}: {type(error).__name__}: {error}"
-            log.exception("a message of the pipeline could not be handled: %s", self.last_message_error)
 
     def _take(self, kind: bytes, t: float, payload: bytes) -> None:
         """Handle a message; `t` is the time in its header [s]."""

@@ -67,7 +67,8 @@ def test_every_sensor_on_the_network_has_its_counters() -> None:
 
 def test_messages_that_could_not_be_handled_are_counted() -> None:
     service = create_app(Settings()).state.service
-    service.runner.message_errors, service.runner.last_message_error = 2, "report: OSError: disk full"
+    for _ in range(2):
+        service.runner.message_errors.add("report: OSError: disk full")
     pipeline = service.health().pipeline
     assert (pipeline.message_errors, pipeline.last_message_error) == (2, "report: OSError: disk full")
 

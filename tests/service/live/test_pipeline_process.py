@@ -14,20 +14,17 @@ import pytest
 from contactsense import Estimate, Sample, Scene
 from contactsense.service.api.messages import EstimateOut
 from contactsense.service.live.error_times import ErrorTimes
-from contactsense.service.live.pipeline_process import (
-    ANOTHER_SOURCE,
+from contactsense.service.live.listener_calls import Listeners
+from contactsense.service.live.pipeline_connection import (
     ESTIMATE,
     HEAD,
     HEALTH,
     LAST_WORDS,
     REPORT,
     Inbox,
-    Listeners,
     Outbox,
-    _as_message,
-    run,
-    work,
 )
+from contactsense.service.live.pipeline_process import ANOTHER_SOURCE, _as_message, run, work
 from contactsense.service.process_argument import packed
 from contactsense.service.sensors.netft_client import WrenchHealth
 from contactsense.service.sensors.robot_stream import State, StreamHealth
@@ -233,8 +230,8 @@ def test_a_listener_that_cannot_report_is_counted_and_holds_up_no_other() -> Non
         listeners = Listeners([Unable(), Talkative({"type": "a"})], Outbox(ours))
         listeners.tick(1.0)
         assert [json.loads(report) for _, _, report in read_all(theirs)] == [{"type": "a"}]
-    assert listeners.errors == 1
-    assert listeners.last_error == "Unable: RuntimeError: deque mutated during iteration"
+    assert listeners.errors.count == 1
+    assert listeners.errors.last == "Unable: RuntimeError: deque mutated during iteration"
 
 
 def test_a_report_that_is_no_json_is_counted_and_loses_none_of_the_others() -> None:
@@ -243,8 +240,8 @@ def test_a_report_that_is_no_json_is_counted_and_loses_none_of_the_others() -> N
         listeners = Listeners([Talkative({"type": "a"}, {"type": {1, 2}}, {"type": "b"})], Outbox(ours))
         listeners.tick(1.0)
         assert [json.loads(report)["type"] for _, _, report in read_all(theirs)] == ["a", "b"]
-    assert listeners.errors == 1
-    assert listeners.last_error.startswith("Talkative: TypeError")
+    assert listeners.errors.count == 1
+    assert listeners.errors.last.startswith("Talkative: TypeError")
 
 
 def test_the_end_of_the_service_is_no_error_of_a_listener() -> None:
@@ -277,7 +274,7 @@ def test_a_refused_command_is_told_by_health() -> None:
     ours, theirs = socket.socketpair()
     with ours, theirs:
         listeners = Listeners((), Outbox(ours))
-        listeners.count_error("command x...: expected at most 3 bytes, got more; it is left out")
+        listeners.errors.add("command x...: expected at most 3 bytes, got more; it is left out")
         with pytest.raises(BrokenPipeError):
             run(source := Ten(theirs), Idle(), Outbox(ours), listeners)
     report = json.loads(source.arrived[-1][2])["pipeline"]

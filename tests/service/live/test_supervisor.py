@@ -16,7 +16,8 @@ import pytest
 
 from contactsense import Scene
 from contactsense.robots.jit.compilation import CompilationProgress
-from contactsense.service.live.pipeline_process import ESTIMATE, HEAD, LAST_WORDS, LOADING, REPORT, Source
+from contactsense.service.live.pipeline_connection import ESTIMATE, HEAD, LAST_WORDS, LOADING, REPORT
+from contactsense.service.live.pipeline_process import Source
 from contactsense.service.live.silence import Silence
 from contactsense.service.live.supervisor import Runner
 from tests.service import fakes
@@ -271,9 +272,9 @@ def test_a_message_that_cannot_be_handled_is_told_and_loses_no_other(
     )
     assert how == "failed (over)"
     assert reports == [{"type": "stream"}]
-    assert runner.message_errors == 1
-    assert runner.last_message_error == f"report: {type(error).__name__}: {error}"
-    assert f"could not be handled: {runner.last_message_error}" in caplog.text
+    assert runner.message_errors.count == 1
+    assert runner.message_errors.last == f"report: {type(error).__name__}: {error}"
+    assert f"could not be handled: {runner.message_errors.last}" in caplog.text
 
 
 def test_a_progress_bar_that_fails_loses_no_message() -> None:
@@ -291,5 +292,5 @@ def test_a_progress_bar_that_fails_loses_no_message() -> None:
     )
     assert heard == [0.5, 0.5]
     assert runner.loaded.is_set()
-    assert runner.message_errors == 2
-    assert runner.last_message_error == "progress: OSError: the terminal is gone"
+    assert runner.message_errors.count == 2
+    assert runner.message_errors.last == "progress: OSError: the terminal is gone"
