@@ -28,6 +28,7 @@ from contactsense.service.api import (
 from contactsense.service.api.access import Access
 from contactsense.service.api.ending import Ending
 from contactsense.service.api.exposure import access_rules
+from contactsense.service.api.head import Head
 from contactsense.service.api.known_parameters import refuse_unknown_parameters
 from contactsense.service.api.limits import Limits
 from contactsense.service.api.service import Service
@@ -135,6 +136,7 @@ def create_app(
     app.add_middleware(Limits, limits=service.limits, refused=service.refused)
     app.add_middleware(Access, rules=access_rules(settings))
     app.add_middleware(Ending)
+    app.add_middleware(Head)
     return app
 
 

@@ -20,7 +20,8 @@ class Forces:
     t: np.ndarray
     """Time [s], shape (K,)."""
     force: np.ndarray
-    """Force of the best explanation; where several contacts act, of each [N], shape (K, TRACKS). NaN: none.
+    """Force of the best explanation; where several contacts act, of each [N], shape (K, TRACKS). 0: none; NaN:
+    unknown, as the estimate was `degraded`.
     """
 
 
@@ -67,7 +68,9 @@ class ForceHistory:
 
 
 def forces_of(estimate: Estimate) -> list[float]:
-    """Magnitudes of the forces that act at the same time [N], NaN where there is none, `TRACKS` numbers."""
+    """Magnitudes of the forces that act at the same time, `TRACKS` numbers, as in `Forces.force` [N]."""
+    if estimate.status == "degraded":
+        return [float("nan")] * TRACKS
     acting = estimate.contacts if estimate.status == "multiple" else estimate.contacts[:1]
     found = [float(np.linalg.norm(contact.force_base)) for contact in acting[:TRACKS]]
-    return found + [float("nan")] * (TRACKS - len(found))
+    return found + [0.0] * (TRACKS - len(found))

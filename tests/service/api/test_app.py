@@ -219,6 +219,19 @@ def test_other_errors_have_the_same_form(idle: httpx.Client) -> None:
     assert "expected a body in JSON" in deep.json()["errors"][0]["reason"]
 
 
+@pytest.mark.parametrize(
+    "path", ["/v1/health", "/v1/ready", "/docs", "/openapi.json", "/v1/nothing", "/v1/locate"]
+)
+def test_head_is_get_without_the_body(idle: httpx.Client, path: str) -> None:
+    head, get = idle.head(path), idle.get(path)
+    assert head.status_code == get.status_code
+    assert head.headers["content-type"] == get.headers["content-type"]
+    assert head.content == b""
+    assert get.content
+    # The connection is in order for the next request.
+    assert idle.get("/v1/robot").json()["name"] == "ur5e"
+
+
 def test_the_path_of_a_websocket_says_so(idle: httpx.Client) -> None:
     for path in ("/v1/stream", "/v1/track"):
         answer = idle.get(path)

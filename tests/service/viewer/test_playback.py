@@ -78,7 +78,7 @@ def test_forces_of_the_last_ten_seconds(tmp_path: Path, localizer: Localizer) ->
         estimate = playback.at(float(frame.forces.t[k])).estimate
         assert estimate is not None
         np.testing.assert_allclose(frame.forces.force[k], forces_of(estimate), rtol=1e-6)
-    assert np.isfinite(frame.forces.force).any()
+    assert frame.forces.force.any()
 
 
 def test_times_beyond_the_ends_show_the_ends(tmp_path: Path, localizer: Localizer) -> None:
