@@ -20,8 +20,8 @@ class Forces:
     t: np.ndarray
     """Time [s], shape (K,)."""
     force: np.ndarray
-    """Force of the best explanation; where several contacts act, of each [N], shape (K, TRACKS). 0: none; NaN:
-    unknown, as the estimate was `degraded`.
+    """Force of the best explanation; where several contacts act, of each [N], shape (K, TRACKS). 0: none;
+    NaN: unknown, as the estimate was `degraded`.
     """
 
 
