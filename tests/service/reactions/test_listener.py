@@ -135,7 +135,8 @@ def test_nothing_is_written_before_the_latches_are_known() -> None:
             "probability": 1.0, "contact": 1, "link": "forearm", "link_index": 3, "point": [0, 0, 0],
             "point_base": [0, 0, 0], "force_base": [0, 0, 1], "force": 1.0,
         }  # fmt: skip
-        made.listener._restored = False
+        assert made.listener._registers is not None
+        made.listener._registers.latches_known = False
         codes: set[int] = set()
         try:
             for _ in range(100):
