@@ -24,7 +24,7 @@ from contactsense.robots.attribute_docs import with_attributes
 from contactsense.robots.field_errors import Place, describe, reasons
 from contactsense.robots.file_model import FileModel
 from contactsense.robots.file_references import located
-from contactsense.robots.library import in_library
+from contactsense.robots.library import in_library, surface_file
 from contactsense.robots.primitives import Vector
 from contactsense.robots.robot import NO_MASS, Inertia
 from contactsense.robots.rotations import rotation_from_rpy
@@ -88,9 +88,13 @@ def _as_robot(value: object) -> object:
 
 
 def _reference(robot: Robot) -> str:
-    """What loads the robot again. Without a file nothing does: its name could be that of another arm."""
-    own = f"{robot.name} (built in Python)" if robot.file is None else str(robot.file.absolute())
-    return robot.name if in_library(robot) else own
+    """What loads the robot again. Without a file nothing does: its name could be that of another arm. Nor
+    does the library's file where something of its arm was changed."""
+    if in_library(robot):
+        return robot.name
+    if robot.file is None or robot.file.parent == surface_file(robot.name).parent:
+        return f"{robot.name} (built in Python)"
+    return str(robot.file.absolute())
 
 
 @with_attributes

@@ -21,7 +21,8 @@ EventKind = Literal["onset", "hold", "slide", "release", "resume", "weight"]
 @with_attributes
 @dataclass(frozen=True, eq=False, slots=True)
 class Sample:
-    """Measurements at one instant. A sensor that is absent, or without a value at this instant, is None."""
+    """Measurements at one instant, without the sensors' delays. A sensor that is absent, or without a value
+    at this instant, is None."""
 
     t: float
     """Time of the measurement on the robot's clock [s]."""

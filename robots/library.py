@@ -2,6 +2,7 @@
 
 import functools
 from collections.abc import Iterable
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 
@@ -99,9 +100,19 @@ def from_urdf(path: str | Path, tip: str | None = None, name: str | None = None)
 
 
 def in_library(robot: Robot) -> bool:
-    """Whether the robot was read from the library's file of its name, and has that file's links."""
-    path = _folder() / f"{robot.name}.yaml"
-    return robot.file == path and robot.link_names == _in_package(robot.name).link_names
+    """Whether it is the arm of the library that has its name, apart from a kinematic calibration."""
+    if robot.file != _folder() / f"{robot.name}.yaml":
+        return False
+    arm = _in_package(robot.name)
+    if robot is arm:
+        return True
+    if len(arm.joints) != len(robot.joints):
+        return False
+    joints = tuple(
+        replace(joint, rotation=own.rotation, translation=own.translation)
+        for joint, own in zip(robot.joints, arm.joints, strict=True)
+    )
+    return replace(robot, joints=joints) == arm
 
 
 def surface_file(name: str) -> Path:

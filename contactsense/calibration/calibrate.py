@@ -120,7 +120,7 @@ def calibrate(
             all_residuals(fitted.arm, s, scene.bandwidth)[rows]
             for s, rows in zip(recordings, usable, strict=True)
         ]
-    measured = measured_channels(scene, recordings)
+    measured = [measured_channels(scene, [recording]) for recording in recordings]
     noise_levels, wrenches = _noise(arm, recordings, usable, after, scene.bandwidth)
     values = _values(start, arm, fitted, selected)
     warnings = _warnings(scene, recordings, fitted, selected, noise_levels, progress)

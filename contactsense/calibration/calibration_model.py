@@ -14,7 +14,7 @@ from contactsense.scene import Scene
 from contactsense.scene_model.arm_model import model_with_tool
 from contactsense.sensors.settings import JointTorqueSensor, WrenchSensor, per_joint
 
-_MIN_TOOL_MASS = 0.02
+MIN_TOOL_MASS = 0.02
 """The centre of mass of a lighter tool is undefined [kg]."""
 
 
@@ -114,7 +114,7 @@ class CalibrationModel:
         mass, first = float(self.payload[0]), robot.flange_rotation @ self.payload[1:]
         first = first + mass * robot.flange_translation
         tensor = robot.flange_rotation @ self.scene.tool_inertia.tensor @ robot.flange_rotation.T
-        if abs(mass) > _MIN_TOOL_MASS:
+        if abs(mass) > MIN_TOOL_MASS:
             c = first / mass
             tensor = tensor + mass * ((c @ c) * np.eye(3) - np.outer(c, c))
         (xx, xy, xz), (_, yy, yz), (_, _, zz) = tensor

@@ -64,6 +64,11 @@ class SuspectedContact:
     peak: tuple[float, ...]
     """Largest residual of each, averaged over a window [Nm, or N for a force]."""
 
+    def within(self, recording: FreeMotion) -> bool:
+        """Whether it is in this recording, or in this stretch of one."""
+        first, last = recording.row_of(0), recording.row_of(-1)
+        return self.recording == recording.name and first <= self.first_row <= self.last_row <= last
+
 
 def suspected_contacts(
     arm: CalibrationModel, recording: FreeMotion, bandwidth: float

@@ -6,7 +6,6 @@ from typing import Any, Self
 
 import numpy as np
 
-from contactsense.scene import Scene
 from contactsense.sensors.validation import checked_rows
 
 
@@ -91,14 +90,3 @@ class FreeMotion:
     def seconds(self) -> float:
         """Duration [s]."""
         return float(self.t[-1] - self.t[0])
-
-
-def without_delays(scene: Scene) -> Scene:
-    """The scene under which recordings are read: delays are estimated, so every reading stays in the row in
-    which it was received."""
-    base, wrist = (
-        None if sensor is None else sensor.model_copy(update={"delay": 0.0})
-        for sensor in (scene.base_wrench, scene.wrist_wrench)
-    )
-    links = tuple(sensor.model_copy(update={"delay": 0.0}) for sensor in scene.link_wrenches)
-    return scene.model_copy(update={"base_wrench": base, "wrist_wrench": wrist, "link_wrenches": links})

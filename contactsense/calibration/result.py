@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from contactsense.calibration.calibration_model import CalibrationModel
+from contactsense.calibration.calibration_model import MIN_TOOL_MASS, CalibrationModel
 from contactsense.calibration.contact_test import SuspectedContact
 from contactsense.calibration.noise_estimation import NoiseLevels
 from contactsense.calibration.parameters import Entry
@@ -87,11 +87,21 @@ class Calibration:
     """Motion that was used [s]."""
 
 
-def residual_statistics(residual: list[np.ndarray], measured: np.ndarray) -> ResidualStatistics:
-    """RMS and tail of residuals of shape (N, C) each."""
-    all_ = np.vstack(residual)
-    rms, tail = np.sqrt(np.mean(all_**2, axis=0)), np.quantile(np.abs(all_), 0.999, axis=0)
-    return ResidualStatistics(np.where(measured, rms, np.nan), np.where(measured, tail, np.nan))
+def residual_statistics(residuals: list[np.ndarray], measured: list[np.ndarray]) -> ResidualStatistics:
+    """RMS and tail of the residuals of each equation, over the recordings that have its sensor.
+
+    Args:
+        residuals: Of each recording, shape (N, C).
+        measured: Which of the equations each recording has a sensor for, shape (C,), bool.
+    """
+    count = len(measured[0])
+    rms, tail = np.full(count, np.nan), np.full(count, np.nan)
+    for c in range(count):
+        own = [residual[:, c] for residual, there in zip(residuals, measured, strict=True) if there[c]]
+        if own:
+            values = np.concatenate(own)
+            rms[c], tail[c] = np.sqrt(np.mean(values**2)), np.quantile(np.abs(values), 0.999)
+    return ResidualStatistics(rms, tail)
 
 
 def scene_of(
@@ -123,7 +133,8 @@ def scene_of(
     if "payload" in changed:
         tool = scene.tool or Tool()
         mass = max(float(arm.payload[0]), 0.0)
-        com = tuple(_round(arm.payload[1:] / mass)) if mass > 0.0 else (0.0, 0.0, 0.0)
+        # Where next to no mass is, its place is that of the noise.
+        com = tuple(_round(arm.payload[1:] / mass)) if mass > MIN_TOOL_MASS else tool.com
         update["tool"] = tool.model_copy(update={"mass": _round(np.array([mass]))[0], "com": com})
     if "links" in changed:
         masses, coms, tensors = bodies_of(arm.links)

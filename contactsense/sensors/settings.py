@@ -101,7 +101,8 @@ class WrenchSensor(Part):
     bias: Six = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     """Reading of the sensor without load, in its own frame and sign: force, then moment [N, Nm]."""
     delay: Annotated[float, AfterValidator(in_seconds)] = 0.0
-    """Delay of the readings relative to the joint positions of the same instant [s]."""
+    """Delay of the readings relative to the joint positions of the same instant [s]. It is taken off live and
+    from recordings; a program that makes samples itself must do the same."""
 
     range: Annotated[tuple[PositiveFloat, ...] | None, BeforeValidator(_two_or_six)] = None
     """Largest force and moment that the sensor measures, in its own frame [N, Nm]: two numbers, or six, one

@@ -89,7 +89,7 @@ def check(
     signals.append(velocities)
     progress("motion")
     readings = Readings.of(scene, parts)
-    others = _other_arms(scene)
+    others = other_arms(scene)
     bases = MotionBases({scene.robot.name: scene, **others}, parts)
     fitter = Fitter(scene, bases, readings)
     largest = max(float(np.abs(part.q).max()) for part in parts)
@@ -135,13 +135,19 @@ def _moving(parts: list[FreeMotion]) -> np.ndarray:
     return np.asarray(faster.mean(axis=0) > _MOVING_SHARE)
 
 
-def _other_arms(scene: Scene) -> dict[str, Scene]:
+def other_arms(scene: Scene) -> dict[str, Scene]:
     """The scene with each arm of the library that has as many joints."""
     found = {}
     for name in robots.names():
         robot = robots.load(name)
         if name != scene.robot.name and len(robot.joints) == len(scene.robot.joints):
-            found[name] = scene.model_copy(update={"robot": robot, "inertia": None, "kinematics": None})
+            # Arms with as many joints have as many links, under other names.
+            other = dict(zip(scene.robot.link_names, robot.link_names, strict=True))
+            links = tuple(
+                sensor.model_copy(update={"link": other[sensor.link]}) for sensor in scene.link_wrenches
+            )
+            update = {"robot": robot, "inertia": None, "kinematics": None, "link_wrenches": links}
+            found[name] = scene.model_copy(update=update)
     return found
 
 

@@ -71,9 +71,10 @@ def _impossible(found: Calibration) -> list[str]:
 
 def _without_contacts(part: FreeMotion, found: Calibration) -> FreeMotion:
     """The recording without the stretches that the calibration has left out."""
-    touched = np.zeros(len(part.t), dtype=bool)
+    time = part.t - part.t[0]
+    touched = np.zeros(len(time), dtype=bool)
     for contact in found.contacts:
-        if contact.recording == part.name:
-            touched |= (part.t >= contact.start) & (part.t <= contact.stop)
+        if contact.within(part):
+            touched |= (time >= contact.start) & (time <= contact.stop)
     rows = np.flatnonzero(~touched)
     return part.part(rows) if len(rows) >= 3 else part

@@ -48,13 +48,7 @@ def write_report(
         every = max(1, len(stretch.t) // _DOTS)
         old = all_residuals(before, stretch, scene.bandwidth)[::every][:, shown]
         new = all_residuals(after, stretch, scene.bandwidth)[::every][:, shown]
-        touched = [
-            (contact.start, contact.stop)
-            for contact in found.contacts
-            if contact.recording == stretch.name
-            and contact.first_row >= stretch.row_of(0)
-            and contact.last_row <= stretch.row_of(-1)
-        ]
+        touched = [(contact.start, contact.stop) for contact in found.contacts if contact.within(stretch)]
         time = stretch.t[::every] - stretch.t[0]
         with figure_style():
             figure = _residuals(time, old, new, [names[i] for i in shown], touched)

@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from contactsense.scene import Scene, SceneError
+from contactsense.scene_model.sensor_delays import without_delays
 from contactsense.service.api.sample_source import reader_settings
 from contactsense.service.api.scene_file import load_scene
 from contactsense.service.api.settings import Settings, SettingsError
@@ -107,7 +108,9 @@ def record(
         extra = tuple(name.strip() for name in fields.split(",") if name.strip())
         rotation = Rotation(rotate_seconds, rotate_mb, disk_limit_mb)
         recorder = Recorder(out, scene, rotation, rate=settings.robot_rate)
-        with contextlib.closing(LiveSource(scene, replace(reader, extra_fields=extra))) as live:
+        # Readings stay in the row in which they were received, as in any other recording.
+        plain = without_delays(scene)
+        with contextlib.closing(LiveSource(plain, replace(reader, extra_fields=extra))) as live:
             live.observer = recorder
             _run(live, recorder, seconds, out)
     except (
@@ -144,10 +147,15 @@ def _run(live: LiveSource, recorder: Recorder, seconds: float | None, out: Path)
     lost = health.robot.lost + (0 if health.wrench is None else health.wrench.lost)
     for path in recorder.repaired:
         console.print(f"completed from an earlier run: {path.name}", highlight=False)
-    size = sum(path.stat().st_size for path in files) / 1e6
+    size = sum(path.stat().st_size for path in files if path.exists()) / 1e6
     click.echo(
         f"{recorder.rows} samples and {recorder.readings} force/torque readings in {len(files)} files in "
         f"{out} ({size:.1f} MB), {lost} lost"
+        + (
+            f"; removed to keep --disk-limit-mb: the oldest {recorder.removed} files"
+            if recorder.removed
+            else ""
+        )
     )
     if recorder.rows == 0:
         raise click.ClickException(f"nothing was recorded: {health.trouble or 'no samples arrived'}")
@@ -163,9 +171,6 @@ def _convert(origin: Path, out: Path, scene_path: Path | None, columns: str | No
     if out.exists() and origin.exists() and out.samefile(origin):
         # The new file has only the columns that were read.
         raise click.ClickException(f"--out: expected another file than that of --from, got {out}")
-    # Loading the calibration takes longer than all else, and a live recording does not need it.
-    from contactsense.calibration.free_motion import without_delays
-
     scene = scene_in(origin) if scene_path is None else Scene.load(scene_path)
     # What is written has the sensors' delays, too.
     recording = read(origin, without_delays(scene), ColumnMapping.parse(columns))

@@ -8,6 +8,7 @@ interpreter lock, and nothing on the sample path waits for the disk.
 import queue
 import threading
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,10 +18,10 @@ import pyarrow as pa
 from pydantic import BaseModel, ConfigDict, PositiveFloat
 
 from contactsense.scene import Scene
-from contactsense.service.recordings.metadata import metadata
+from contactsense.service.recordings.metadata import metadata, removed_delays
 from contactsense.service.recordings.parquet_files import write_parquet
 from contactsense.service.recordings.sample_rows import Ring, SampleRows
-from contactsense.service.recordings.segment_writer import Rotation, SegmentWriter
+from contactsense.service.recordings.segment_writer import Rotation, SegmentWriter, remove_oldest
 from contactsense.types import Estimate, Sample
 
 _HOST_TIME = 1
@@ -140,11 +141,11 @@ class ClipListener:
                     self._report_clip(*value)
                 elif kind == "rows":
                     if writer is None:
+                        meta = metadata(self._scene, table="service", **removed_delays(self._scene))
                         limit = Rotation(disk_megabytes=self._settings.disk_megabytes)
                         writer = SegmentWriter(
-                            self._folder, "service", self._rows.names,
-                            metadata(self._scene, table="service"), limit, rate=self._rate,
-                        )  # fmt: skip
+                            self._folder, "service", self._rows.names, meta, limit, rate=self._rate
+                        )
                     for row in self._rows.stored(value):
                         writer.add(row)
                     writer.flush()
@@ -155,6 +156,9 @@ class ClipListener:
                     writer = None
                     self._reports.append({"type": "recording", "on": False, "rows": rows, "error": ""})
             except (OSError, ValueError, pa.ArrowException) as error:
+                if writer is not None:
+                    with suppress(OSError, ValueError, pa.ArrowException):
+                        writer.close()
                 writer = None
                 self._reports.append({"type": "recording", "on": False, "rows": 0, "error": str(error)})
             if kind == "end":
@@ -180,7 +184,8 @@ class ClipListener:
         self._folder.mkdir(parents=True, exist_ok=True)
         stamp = time.strftime("%Y%m%dT%H%M%S", time.gmtime(wanted.end))
         path = self._folder / f"clip-{stamp}-{wanted.number:06d}.parquet"
-        meta = metadata(self._scene, table="clip", reason=wanted.reason)
+        meta = metadata(self._scene, table="clip", reason=wanted.reason, **removed_delays(self._scene))
         arrays = [pa.array(np.ascontiguousarray(column)) for column in self._rows.stored(rows).T]
         write_parquet(pa.table(dict(zip(self._rows.names, arrays, strict=True)), metadata=meta), path)
+        remove_oldest(self._folder, "clip", int(1e6 * self._settings.disk_megabytes))
         return path.name

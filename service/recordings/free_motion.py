@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 
 from contactsense.calibration import FreeMotion
-from contactsense.calibration.free_motion import without_delays
 from contactsense.scene import Scene
 from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
+from contactsense.scene_model.sensor_delays import without_delays
 from contactsense.scene_model.wrench_map import WrenchMap
 from contactsense.sensors.timing import LONGEST_GAP
 from contactsense.service.recordings.column_mapping import ColumnMapping, unit_hint

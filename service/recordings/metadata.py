@@ -10,9 +10,13 @@ import yaml
 from pydantic import ValidationError
 
 from contactsense.scene import Scene, describe
+from contactsense.scene_model.sensor_delays import sensor_delays
 from contactsense.service.recordings.problems import RecordingError
 
 PREFIX = "contactsense."
+_REMOVED = "removed_delays"
+CONFLICT = "scene_conflict"
+"""Entry that names two files of a folder whose scenes differ."""
 
 
 def scene_text(scene: Scene) -> str:
@@ -39,6 +43,18 @@ def metadata(scene: Scene, **more: str) -> dict[str, str]:
     return {PREFIX + name: value for name, value in fields.items()}
 
 
+def removed_delays(scene: Scene) -> dict[str, str]:
+    """Entry of `metadata` for rows made of samples: the delays of the sensors have been taken off."""
+    delays = sensor_delays(scene)
+    return {_REMOVED: json.dumps({field: delay for field, delay in delays.items() if delay})}
+
+
+def removed_delays_of_meta(meta: Mapping[str, str]) -> dict[str, float]:
+    """Field of a sensor -> the delay that has been taken off its readings [s]; only those that are not 0."""
+    found: dict[str, float] = json.loads(meta.get(PREFIX + _REMOVED, "{}"))
+    return found
+
+
 def scene_of_meta(meta: Mapping[str, str], name: str) -> Scene:
     """The scene in a recording's metadata.
 
@@ -46,6 +62,12 @@ def scene_of_meta(meta: Mapping[str, str], name: str) -> Scene:
         RecordingError: There is none, or it cannot be used.
     """
     text = meta.get(PREFIX + "scene")
+    conflict = meta.get(PREFIX + CONFLICT)
+    if conflict is not None:
+        raise RecordingError(
+            f"{name}: {conflict} carry different scenes: read them one by one, or name one for all with "
+            "--scene"
+        )
     if text is None:
         raise RecordingError(f"{name}: the file carries no scene: name one with --scene")
     try:

@@ -7,6 +7,7 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pa_parquet
 
+from contactsense.service.recordings.metadata import CONFLICT, PREFIX, removed_delays_of_meta
 from contactsense.service.recordings.problems import Problem, RecordingError
 from contactsense.service.recordings.table import (
     Columns,
@@ -82,6 +83,15 @@ class ParquetFolder:
         self.names = [n for n in self._parts[0].names if all(n in part.names for part in self._parts)]
         self.others = self._parts[0].others
         self.meta = self._parts[0].meta
+        for file, part in zip(files, self._parts, strict=True):
+            both = f"{files[0].relative_to(path)} and {file.relative_to(path)}"
+            if removed_delays_of_meta(part.meta) != removed_delays_of_meta(self.meta):
+                raise RecordingError(
+                    f"{path}: in one of {both} the delays of the sensors have been taken off, in the other "
+                    "they have not, or others have: read them one by one"
+                )
+            if part.meta.get(PREFIX + "scene_hash") != self._parts[0].meta.get(PREFIX + "scene_hash"):
+                self.meta = self.meta | {PREFIX + CONFLICT: both}
         self.problems: list[Problem] = []
         self.rows: int | None = sum(part.rows or 0 for part in self._parts)
 

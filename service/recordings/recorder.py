@@ -63,6 +63,11 @@ class Recorder:
         """Unfinished files of an earlier run that were repaired."""
         return [] if self._samples is None else self._samples.repaired
 
+    @property
+    def removed(self) -> int:
+        """Number of files that were removed to keep the limit of the disk space."""
+        return sum(writer.removed for writer in (self._samples, self._wrench) if writer is not None)
+
     def robot(
         self,
         record: RobotRecord,

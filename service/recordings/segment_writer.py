@@ -3,7 +3,8 @@
 An Arrow stream is readable up to its last complete batch, whatever happens to the writer. A segment is closed
 when it reaches a given size or duration. One thread writes the streams and another one converts closed
 segments to Parquet: a busy disk holds up a write for seconds, during which a thread that reads sensors would
-lose readings. Unfinished files of a killed writer are converted to Parquet at the next start.
+lose readings. Unfinished files of a killed writer are converted to Parquet at the next start; those of a
+writer that still runs are locked and left alone.
 """
 
 import os
@@ -14,11 +15,13 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pa_parquet
 
+from contactsense.robots.file_lock import AVAILABLE, lock
 from contactsense.service.recordings.problems import RecordingError
 from contactsense.service.recordings.table import reason
 
@@ -80,6 +83,7 @@ class SegmentWriter:
         self._sink: pa.OSFile | None = None
         self._stream: pa.RecordBatchStreamWriter | None = None
         self._path = folder
+        self._lock: IO[bytes] | None = None
         self._opened, self._bytes = 0.0, 0
         self._writer = ThreadPoolExecutor(1, thread_name_prefix="segments")
         self._writing: deque[Future[None]] = deque()
@@ -88,7 +92,9 @@ class SegmentWriter:
         self.rows = 0
         """Number of rows added so far."""
         self.files: list[Path] = []
-        """Complete files, in order; a thread appends to it."""
+        """Complete files, in order; a thread changes it."""
+        self.removed = 0
+        """Number of files that were removed to keep the limit of the disk space, also of earlier runs."""
         try:
             folder.mkdir(parents=True, exist_ok=True)
             self.repaired = repair(folder, prefix)
@@ -122,7 +128,7 @@ class SegmentWriter:
         self._wait(self._writing)
 
     def close(self) -> list[Path]:
-        """Complete all segments and return all files of this run.
+        """Complete all segments and return the files of this run, without those that were removed.
 
         Raises:
             RecordingError: The disk is full, or the folder is gone.
@@ -135,6 +141,8 @@ class SegmentWriter:
         finally:
             self._writer.shutdown()
             self._completer.shutdown()
+            if self._lock is not None:
+                self._lock.close()
         return self.files
 
     def _hand_over(self) -> None:
@@ -173,8 +181,13 @@ class SegmentWriter:
         while True:
             self._path = self._folder / f"{self._prefix}-{stamp}-{self._number:04d}{OPEN}"
             self._number += 1
-            if not self._path.exists() and not self._path.with_suffix(DONE).exists():
+            if self._path.with_suffix(DONE).exists():
+                continue
+            with suppress(FileExistsError):
+                self._lock = self._path.open("xb")
                 break
+        with suppress(OSError):  # a file system without locks
+            lock(self._lock)
         self._sink = pa.OSFile(str(self._path), "wb")
         self._stream = pa.ipc.new_stream(self._sink, self._schema)
         self._opened, self._bytes = time.monotonic(), 0
@@ -185,15 +198,19 @@ class SegmentWriter:
         self._stream.close()
         self._sink.close()
         self._stream = self._sink = None
-        self._completing.append(self._completer.submit(self._complete, self._path))
+        assert self._lock is not None
+        self._completing.append(self._completer.submit(self._complete, self._path, self._lock))
 
-    def _complete(self, path: Path) -> None:
-        done = to_parquet(path, self._group)
+    def _complete(self, path: Path, locked: IO[bytes]) -> None:
+        with locked:
+            done = to_parquet(path, self._group)
         if done is not None:
             self.files.append(done)
         limit = self._rotation.disk_megabytes
         if limit is not None:
-            remove_oldest(self._folder, self._prefix, int(1e6 * limit))
+            removed = remove_oldest(self._folder, self._prefix, int(1e6 * limit))
+            self.removed += len(removed)
+            self.files = [file for file in self.files if file not in removed]
 
 
 def to_parquet(path: Path, group: int = 30_000) -> Path | None:
@@ -247,9 +264,18 @@ def _next(stream: pa.RecordBatchStreamReader) -> pa.RecordBatch | None:
 def repair(folder: Path, prefix: str = "") -> list[Path]:
     """Complete the segments that a killed writer left open in a folder, and return their Parquet files."""
     for part in folder.glob(f"{prefix}*{PARTIAL}"):
-        part.unlink()
-    found = [to_parquet(path) for path in sorted(folder.glob(f"{prefix}*{OPEN}"))]
+        if not part.with_suffix("").with_suffix(OPEN).exists():
+            part.unlink()
+    found = [_repaired(path) for path in sorted(folder.glob(f"{prefix}*{OPEN}"))]
     return [path for path in found if path is not None]
+
+
+def _repaired(path: Path) -> Path | None:
+    with path.open("rb") as stream:
+        with suppress(OSError):  # a file system without locks
+            if AVAILABLE and not lock(stream):
+                return None  # another writer has it open
+        return to_parquet(path)
 
 
 def remove_oldest(folder: Path, prefix: str, limit: int) -> list[Path]:

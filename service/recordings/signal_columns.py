@@ -6,6 +6,7 @@ from contactsense.scene import Scene
 from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
 from contactsense.scene_model.wrench_map import WrenchMap
 from contactsense.service.recordings.column_mapping import ColumnMapping, expand
+from contactsense.service.recordings.metadata import removed_delays_of_meta
 from contactsense.service.recordings.problems import Problem, RecordingError
 from contactsense.service.recordings.table import TableFile
 from contactsense.service.sensors.robot_stream import SensorError
@@ -18,7 +19,7 @@ class LinkColumns(NamedTuple):
     columns: list[str]
     frame: LinkSensorFrame
     delay: float
-    """Of its readings [s]."""
+    """Of its readings, as far as it has not been taken off already [s]."""
 
 
 class SignalColumns:
@@ -51,6 +52,7 @@ class SignalColumns:
             )
         self.qd = self._group("qd", mapping.qd, n)
         self.torque, self.torque_map = self._torque_columns()
+        removed = removed_delays_of_meta(table.meta)
         base = self._scene.base_wrench
         self.base = self._optional("base_wrench", mapping.base_wrench, base is not None)
         self.links: dict[str, LinkColumns] = {}
@@ -59,11 +61,13 @@ class SignalColumns:
             columns = self._optional(field, mapping.of_link_sensor(field), True)
             if columns:
                 frame = LinkSensorFrame(self._scene, field)
-                self.links[field] = LinkColumns(columns, frame, sensor.delay)
+                self.links[field] = LinkColumns(columns, frame, sensor.delay - removed.get(field, 0.0))
         self.base_map = None if base is None else WrenchMap.of(base)
         """Conversion of the base sensor's readings; None without one in the scene."""
-        self.base_delay = 0.0 if base is None or not self.base else base.delay
-        """Delay of the base sensor [s]."""
+        self.base_delay = 0.0
+        """Delay of the base sensor, as far as it has not been taken off already [s]."""
+        if base is not None and self.base:
+            self.base_delay = base.delay - removed.get("base_wrench", 0.0)
         if not (self.torque or self.base):
             raise RecordingError(
                 f"{self._name}: expected columns of joint torques or of the base sensor, got neither; "

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from contactsense.calibration import FreeMotion
-from contactsense.calibration.free_motion import without_delays
 from contactsense.scene import Scene
 from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
+from contactsense.scene_model.sensor_delays import without_delays
 from contactsense.scene_model.wrench_map import WrenchMap
 from contactsense.sensors.link_values import by_field
 from contactsense.service.sensors.live_source import LiveSource, SourceSettings

@@ -10,10 +10,13 @@ import numpy as np
 
 from contactsense.scene import Scene
 from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
+from contactsense.scene_model.sensor_delays import sensor_delays
 from contactsense.scene_model.wrench_map import WrenchMap
 from contactsense.sensors.link_values import as_fields
 from contactsense.service.sensors import netft_client as netft
 from contactsense.service.sensors import rtde_client as rtde
+from contactsense.service.sensors.field_wrench import FieldWrench
+from contactsense.service.sensors.held_packets import HeldPackets
 from contactsense.service.sensors.netft_client import WrenchRecord
 from contactsense.service.sensors.network_wrench import NetworkWrench, Timing, WrenchSource
 from contactsense.service.sensors.plausibility import (
@@ -22,14 +25,14 @@ from contactsense.service.sensors.plausibility import (
     ReadingCheck,
     RecentCounts,
     RobotCheck,
-    SensorEvent,
 )
 from contactsense.service.sensors.recent_trouble import RecentTrouble
 from contactsense.service.sensors.robot_stream import RobotRecord, RobotStream, SensorError
 from contactsense.service.sensors.rtde_client import RtdeStream
 from contactsense.service.sensors.signal_mapping import TorqueMap
 from contactsense.service.sensors.source_health import SourceHealth
-from contactsense.service.sensors.stuck_channels import ArmState, StuckChannels
+from contactsense.service.sensors.stuck_channels import ArmState
+from contactsense.service.sensors.torque_check import TorqueCheck
 from contactsense.service.sensors.ur_rtde_client import UrRtdeStream
 from contactsense.service.sensors.velocity_check import VelocityCheck
 from contactsense.service.sensors.wrench_reader import WrenchReader, WrenchReading
@@ -39,8 +42,6 @@ from contactsense.types import Sample
 
 OUTAGE = 0.5
 """A gap in the robot's stream longer than this is an outage, reported by the state, not packet loss [s]."""
-_TORQUE_SCALE = 1.5
-"""A torque larger than this multiple of the joint's limit is invalid."""
 _BASE = "base_wrench"
 _NO_READING = WrenchReading(None, None, math.inf)
 """There is no reading for an instant."""
@@ -123,16 +124,18 @@ class LiveSource:
         self._trouble = RecentTrouble()
         self._checked = not settings.constant_readings
         self._arm = ArmState()
-        self._torque_channels = StuckChannels(len(scene.robot.joints), from_start=True)
+        limits = np.array([joint.torque_limit for joint in scene.robot.joints])
+        self._torque_check = TorqueCheck(limits, self._recent, self._arm)
         sources = _sources(scene, settings)
         fields = ["actual_q", "actual_qd", *(() if self._torque is None else self._torque.names)]
         fields += [name for source in sources.values() for name in source.fields]
         fields += settings.extra_fields
         self._robot: RobotStream = _robot_stream(settings, list(dict.fromkeys(fields)))
+        self._field_wrenches: list[FieldWrench] = []
         self._wrenches = {
             name: self._reader(scene, name, source, settings) for name, source in sources.items()
         }
-        self._torque_limit = _TORQUE_SCALE * np.array([joint.torque_limit for joint in scene.robot.joints])
+        self._held = HeldPackets(max((sensor.lag for sensor in self._field_wrenches), default=0.0))
         self._period = 1.0 / settings.frequency
         self._robot_check = RobotCheck(np.array([joint.velocity_limit for joint in scene.robot.joints]))
         self._velocity_check = VelocityCheck(len(scene.robot.joints), late=0.01)
@@ -154,11 +157,11 @@ class LiveSource:
         for stream in streams:
             stream.poll()
         self._count_losses(records)
-        samples = []
         for record in records:
             for stream in streams:
                 stream.observe_robot(record)
-        for record in records:
+        samples = []
+        for record in self._complete(records):
             sample, base = self._sample(record)
             if self.observer is not None:
                 self.observer.robot(record, self._robot.slices, base.raw, base.age, sample)
@@ -210,6 +213,16 @@ class LiveSource:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    def _complete(self, records: list[RobotRecord]) -> Iterator[RobotRecord]:
+        """The packets for whose instants the readings in fields have arrived, with these packets."""
+        for record in records:
+            self._arm.at_rest = max(map(abs, record.values[self._robot.slices["actual_qd"]])) <= REST_SPEED
+            for sensor in self._field_wrenches:
+                sensor.take(record, self._robot.slices)
+            yield from self._held.after(record)
+        if not records:  # the robot is silent, rather than this process held up
+            yield from self._held.overdue(time.monotonic_ns())
+
     @property
     def _streams(self) -> list[NetworkWrench]:
         """All sensors on the network."""
@@ -221,10 +234,12 @@ class LiveSource:
         check = ReadingCheck(name, self._checked, self._recent, self._arm)
         to_base = _to_base(scene, name)
         if source.host is None:
-            return WrenchReader(to_base, check, source.fields, settings.wrench_max_age)
+            fields = FieldWrench(source.fields, sensor_delays(scene)[name], settings.wrench_max_age, check)
+            self._field_wrenches.append(fields)
+            return WrenchReader(to_base, check, fields)
         observe = self._observe_wrench if name == _BASE else lambda _: None
         network = NetworkWrench(source, _timing(scene, name, settings), check, observe)
-        return WrenchReader(to_base, check, network, settings.wrench_max_age)
+        return WrenchReader(to_base, check, network)
 
     def _observe_wrench(self, readings: Sequence[WrenchRecord]) -> None:
         if self.observer is not None:
@@ -258,7 +273,6 @@ class LiveSource:
             self._unusable += 1
             self._recent.add(time.monotonic(), "too fast")
             return None, _NO_READING
-        self._arm.at_rest = max(map(abs, speeds)) <= REST_SPEED
         torque = None
         raw: tuple[Number, ...] = ()
         if self._torque is not None:
@@ -271,40 +285,14 @@ class LiveSource:
             if self._frozen(record.timestamp, q, qd, raw) or self._contradicts(record.timestamp, q, qd):
                 self._unusable += 1
                 return None, _NO_READING
-            if raw and not self._believes_torque(record.timestamp, raw, torque):
+            if raw and not self._torque_check.believes(record.timestamp, raw, torque):
                 torque = None
-        readings = {name: reader.at(record, slices, q) for name, reader in self._wrenches.items()}
+        readings = {name: reader.at(record, q) for name, reader in self._wrenches.items()}
         base = readings.pop(_BASE, _NO_READING)
         if _BASE in self._wrenches:
             self._without_wrench += base.wrench is None
         links = as_fields({name: reading.wrench for name, reading in readings.items()})
         return Sample(record.timestamp, q, qd, torque, base.wrench, **links), base
-
-    def _believes_torque(self, t: float, raw: tuple[Number, ...], torque: np.ndarray | None) -> bool:
-        """Whether the joint torques can be measurements.
-
-        Args:
-            t: Time on the robot's clock [s].
-            raw: Their values as received.
-            torque: The torques [Nm], shape (n,); None: they are no numbers.
-        """
-        now = time.monotonic()
-        repeated = self._robot_check.torque_repeats(t, raw)
-        if not any(raw):
-            self._recent.add(now, "torque zero")
-            return False
-        # What is subtracted from measured currents is computed by the controller, and may stay the same.
-        stuck = self._torque_channels.update(raw[: len(self._torque_limit)], self._arm.at_rest)
-        for joint in stuck:
-            self._recent.add(now, SensorEvent("joint_torque", "stuck", joint))
-        if repeated > REPEAT_LIMIT:
-            self._recent.add(now, "torque frozen")
-        if repeated > 0.0 or stuck:
-            return False
-        if torque is not None and (np.abs(torque) > self._torque_limit).any():
-            self._recent.add(now, "torque too large")
-            return False
-        return True
 
     def _frozen(self, t: float, q: np.ndarray, qd: np.ndarray, torque: tuple[Number, ...]) -> bool:
         """Whether the robot repeats an old state instead of sending the current one."""
@@ -346,11 +334,10 @@ def _to_base(scene: Scene, name: str) -> Callable[[np.ndarray, np.ndarray], np.n
 
 def _timing(scene: Scene, name: str, settings: SourceSettings) -> Timing:
     """How the readings of a sensor's own box are joined with the robot's samples."""
-    if name != _BASE:
-        return Timing(None, settings.wrench_max_age, scene.link_sensors[name].delay, settings.wrench_wait)
-    assert scene.base_wrench is not None
-    delay = settings.wrench_delay + scene.base_wrench.delay
-    return Timing(settings.wrench_rate, settings.wrench_max_age, delay, settings.wrench_wait)
+    rate = settings.wrench_rate if name == _BASE else None
+    delay = sensor_delays(scene)[name] + (settings.wrench_delay if name == _BASE else 0.0)
+    # The reading of an instant comes that much later.
+    return Timing(rate, settings.wrench_max_age, delay, settings.wrench_wait + max(delay, 0.0))
 
 
 def _base_source(settings: SourceSettings) -> WrenchSource:

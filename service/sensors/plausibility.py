@@ -65,7 +65,6 @@ class RobotCheck:
         self._last_t = 0.0
         self._moved = 0.0
         self._state = RepeatCheck()
-        self._torque = RepeatCheck()
 
     def velocities_impossible(self, qd: np.ndarray) -> bool:
         """Whether a velocity is far above what the joint can reach.
@@ -93,10 +92,6 @@ class RobotCheck:
         # A single wrong velocity must not accumulate while the arm is at rest afterwards.
         self._moved = self._moved + step * speed if speed > REST_SPEED else 0.0
         return self._moved > MOTION_LIMIT
-
-    def torque_repeats(self, t: float, torque: tuple[float, ...]) -> float:
-        """Time for which the raw torque values have repeated [s]."""
-        return self._torque.update(t, torque)
 
     def all_repeats(self, t: float, values: tuple[float, ...]) -> float:
         """Time for which all values that the robot sends, including torques, have repeated [s]."""

@@ -26,6 +26,7 @@ from contactsense.scene import MAX_LINK_WRENCHES
 from contactsense.scene_model.constants import build_constants
 from contactsense.scene_model.wrench_map import WrenchMap
 from contactsense.sensors.stream_state import MAX_SENSORS
+from contactsense.service.recordings.metadata import scene_hash
 
 
 def test_the_robot_name_suffices() -> None:
@@ -175,6 +176,20 @@ def test_an_arm_built_in_python_is_not_loaded_again_as_the_library_arm_of_its_na
     with pytest.raises(SceneError, match=r"robot: unknown robot 'ur5e \(built in Python\)'"):
         Scene(**fields)
     assert Scene(**Scene(robot=arm).model_dump(mode="json")).robot == arm
+
+
+def test_a_changed_arm_of_the_library_is_not_loaded_again_as_the_library_has_it() -> None:
+    arm = robots.load("ur5e")
+    heavy = tuple(
+        replace(link, inertia=replace(link.inertia, mass=2.0 * link.inertia.mass)) for link in arm.links
+    )
+    fewer = tuple(replace(link, primitives=link.primitives[:1], deviation=()) for link in arm.links)
+    slow = tuple(replace(joint, velocity_limit=0.5) for joint in arm.joints)
+    for changed in ({"links": heavy}, {"links": fewer}, {"joints": slow}):
+        scene = Scene(robot=replace(arm, **changed))
+        assert scene_hash(scene) != scene_hash(Scene(robot=arm))
+        with pytest.raises(SceneError, match=r"robot: unknown robot 'ur5e \(built in Python\)'"):
+            Scene(**scene.model_dump(mode="json"))
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ import json
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,13 +12,14 @@ from click.testing import CliRunner
 
 from contactsense import JointTorqueSensor, Scene, WrenchSensor
 from contactsense.benchmarks.calibration.simulate import simulate
-from contactsense.calibration import Calibration, Settings
+from contactsense.calibration import Calibration, FreeMotion, Settings, SuspectedContact
 from contactsense.calibration import calibrate as estimate
 from contactsense.calibration.fourier_trajectory import FourierTrajectory
 from contactsense.calibration.parameters import Entry
 from contactsense.calibration.result import Value
 from contactsense.robots.tool import Tool
 from contactsense.sensors.settings import Friction, LinkInertia
+from contactsense.service.cli import calibration_doubts
 from contactsense.service.cli.calibrate import calibrate
 from contactsense.service.cli.calibration_doubts import doubts
 from contactsense.service.cli.calibration_page import page, reasons_against
@@ -111,6 +113,33 @@ def test_a_base_sensor_that_stays_unexplained_is_not_recommended() -> None:
         r"do not use this scene: it does not explain .*base force z \(\d+ N\)", advice["arm_on_sensor"]
     )
     assert "`contactsense check`" in advice["arm_on_sensor"]
+
+
+def test_what_was_left_out_as_a_contact_is_no_reason_for_doubts(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Clocks of robots do not begin at zero, and a recording may have several stretches."""
+    checked: list[FreeMotion] = []
+
+    def check(_: Scene, parts: list[FreeMotion]) -> SimpleNamespace:
+        checked.extend(parts)
+        return SimpleNamespace(wrong=())
+
+    monkeypatch.setattr(calibration_doubts, "check", check)
+    scene = Scene.load(folder / "scene.yaml")
+    (motion,), _ = read_free_motion(folder / "free.csv", scene)
+    half = len(motion.t) // 2
+    stretches = [motion.part(np.arange(half)), motion.part(np.arange(half, len(motion.t)))]
+    stretches = [replace(stretch, t=stretch.t + 5000.0) for stretch in stretches]
+    first, last = half + 100, half + 199
+    time = stretches[1].t - stretches[1].t[0]
+    rows = (stretches[1].row_of(100), stretches[1].row_of(199))
+    contact = SuspectedContact(motion.name, float(time[100]), float(time[199]), *rows, (0,), (9.0,))
+    found = estimate(scene, [motion], Settings(("bias",), widths=False, leave_out_contacts=False))
+    found = replace(found, contacts=(contact,))
+    doubts(found, scene, stretches)
+    kept = [stretch.row_of(i) for stretch in checked[:2] for i in range(len(stretch.t))]
+    assert kept == [motion.row_of(i) for i in range(len(motion.t)) if not first <= i <= last]
 
 
 def test_corrections_are_told_as_the_lines_of_the_scene() -> None:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from contactsense import robots
 from contactsense.benchmarks.calibration.link_sensor_draws import ELBOW, LINK_MISTAKES, WRIST
 from contactsense.benchmarks.calibration.setup_draws import Settings, right_setup, wrong_setup
 from contactsense.calibration import FreeMotion
@@ -12,8 +13,10 @@ from contactsense.calibration.calibration_model import CalibrationModel
 from contactsense.calibration.residual_jacobian import inertial_columns
 from contactsense.kinematics.model import build_model
 from contactsense.robots import Robot
-from contactsense.scene import LinkWrenchSensor
+from contactsense.scene import LinkWrenchSensor, Scene
+from contactsense.scene_model.link_sensors import mounts
 from contactsense.setup_check import CheckError, check, lines
+from contactsense.setup_check.check import other_arms
 from contactsense.setup_check.fit import Fitter
 from contactsense.setup_check.instants import BANDWIDTH, instants
 from contactsense.setup_check.lines import sensor_lines
@@ -159,3 +162,12 @@ def test_readings_beyond_the_stated_range_accuse_it(field: str) -> None:
     assert item.line == f"{field}.range"
     assert item.proposed is not None
     assert item.proposed.startswith("more than [")
+
+
+def test_links_of_an_arm_of_ones_own_have_other_names_in_those_of_the_library() -> None:
+    arm = robots.load("ur5e")
+    own = replace(arm, name="own", file=None, links=tuple(replace(x, name=f"my_{x.name}") for x in arm.links))
+    scene = Scene(robot=own, link_wrenches=[LinkWrenchSensor(name="elbow", link="my_forearm")])
+    others = other_arms(scene)
+    assert {"ur5e", "ur10e"} < set(others)
+    assert {mounts(other)["link_wrenches.elbow"].body for other in others.values()} == {3}

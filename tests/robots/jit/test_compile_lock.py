@@ -9,7 +9,8 @@ from threading import Event, Thread
 import pytest
 
 import contactsense
-from contactsense.robots.jit.compile_lock import POLL, compile_lock
+from contactsense.robots.file_lock import POLL
+from contactsense.robots.jit.compile_lock import compile_lock
 
 KERNELS = """
 from contactsense.robots.jit.kernel import kernel

@@ -2,10 +2,13 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from contactsense import Scene
+from contactsense import Scene, WrenchSensor
 from contactsense.service.cli.calibrate import scene_text
+from contactsense.service.recordings import Recording, RecordingError, read
+from contactsense.service.recordings.export import export
 from contactsense.service.recordings.metadata import metadata, scene_of_meta
 
 LINES = ("0 0 0 100 0.30 4", "4 50 0 100 1.20 22")
@@ -46,3 +49,24 @@ def test_a_calibrated_scene_keeps_the_surface_of_its_tool(file: Path) -> None:
     file.write_text(scene_text(file, scene, file), encoding="utf-8")
     assert Scene.load(file).model_dump() == scene.model_dump()
     assert f"  deviation: |\n    {LINES[0]}\n    {LINES[1]}\n" in file.read_text(encoding="utf-8")
+
+
+def test_a_folder_of_recordings_with_different_scenes_has_none_of_its_own(tmp_path: Path) -> None:
+    """The files of one would be read by the scene of the other."""
+    truth = np.tile([0.0, 0.0, -200.0, 0.0, 0.0, 0.0], (20, 1))
+    scenes = {
+        "samples-a": Scene(robot="ur5e"),
+        "samples-b": Scene(robot="ur5e", base_wrench=WrenchSensor(bias=(0, 0, 100, 0, 0, 0))),
+    }
+    for k, (name, scene) in enumerate(scenes.items()):
+        t, still = k + 0.002 * np.arange(20.0), np.zeros((20, 6))
+        made = Recording(name, t, still, still, still, truth, None, np.arange(20))
+        export(made, tmp_path / f"{name}.parquet", scene=scene)
+    with pytest.raises(
+        RecordingError, match=r"samples-a\.parquet and samples-b\.parquet carry different scenes"
+    ):
+        read(tmp_path)
+    for name in scenes:
+        np.testing.assert_allclose(read(tmp_path / f"{name}.parquet").base_wrench, truth)
+    # Who names a scene means it for all.
+    assert len(read(tmp_path, scenes["samples-a"])) == 40

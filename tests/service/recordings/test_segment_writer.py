@@ -44,9 +44,10 @@ def test_the_disk_limit_removes_the_oldest(tmp_path: Path) -> None:
     for row in noise:
         writer.add(row)
     files = writer.close()
-    left = sorted(tmp_path.glob("*.parquet"))
-    assert sum(path.stat().st_size for path in left) <= 20_000
-    assert left == files[-len(left) :]
+    assert sum(path.stat().st_size for path in files) <= 20_000
+    assert files == sorted(tmp_path.glob("*.parquet"))
+    assert writer.removed > 0
+    np.testing.assert_array_equal(rows_of(files), noise[-len(rows_of(files)) :, 0])
 
 
 def test_the_newest_segment_is_kept_whatever_its_size(tmp_path: Path) -> None:
@@ -55,8 +56,8 @@ def test_the_newest_segment_is_kept_whatever_its_size(tmp_path: Path) -> None:
     for i in range(500):
         writer.add((float(i), 0.0))
     files = writer.close()
-    assert len(files) > 2
-    assert list(tmp_path.glob("*.parquet")) == files[-1:]
+    assert writer.removed > 1
+    assert list(tmp_path.glob("*.parquet")) == files
 
 
 def test_rows_wait_and_segments_grow_no_longer_than_stated(
@@ -125,6 +126,35 @@ def test_a_segment_cut_anywhere_is_repaired_or_dropped(tmp_path: Path, size: int
     if found:
         kept = rows_of(found)
         np.testing.assert_array_equal(kept, np.arange(len(kept)))
+    writer.close()
+
+
+def test_two_writers_share_a_folder(tmp_path: Path) -> None:
+    writers = []
+    for first in (0.0, 1000.0):
+        writer = SegmentWriter(tmp_path, "a", NAMES, {}, flush_seconds=0.0)
+        assert writer.repaired == []
+        writers.append(writer)
+        for i in range(10):
+            writer.add((first + i, 0.0))
+        writer.flush()
+    for i in range(10, 20):
+        writers[0].add((float(i), 0.0))
+    np.testing.assert_array_equal(rows_of(writers[0].close()), np.arange(20.0))
+    np.testing.assert_array_equal(rows_of(writers[1].close()), 1000.0 + np.arange(10.0))
+
+
+def test_a_part_without_its_segment_is_removed(tmp_path: Path) -> None:
+    writer = SegmentWriter(tmp_path, "a", NAMES, {})
+    writer.add((0.0, 0.0))
+    writer.flush()
+    (path,) = tmp_path.glob("*.arrows")
+    own, old = path.with_suffix(".parquet.part"), tmp_path / "a-old.parquet.part"
+    own.write_text("")
+    old.write_text("")
+    assert repair(tmp_path, "a") == []
+    assert own.exists()  # the other writer is completing it
+    assert not old.exists()
     writer.close()
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from contactsense.robots.tool import Tool
 from contactsense.scene import JointTorqueSensor, LinkWrenchSensor, Scene, WrenchSensor
+from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
 from contactsense.scene_model.wrench_map import WrenchMap
 from contactsense.service.mock.cell import TORQUE_CONSTANTS
 from contactsense.service.mock.controller import Controller
@@ -76,6 +77,41 @@ def test_a_later_force_torque_stream(network, sensor, shift):
         LiveSource(scene, settings_for(servers, wrench_delay=network, wrench_wait=0.02)) as source,
     ):
         assert_of_its_instant(with_wrench(source, 300), shift)
+
+
+def test_a_sensor_may_be_later_than_a_sample_waits_for_its_box():
+    mock = dataclasses.replace(MOCK, netft_delay=0.04)
+    place = SCENE.base_wrench.model_copy(update={"delay": 0.04})
+    scene = SCENE.model_copy(update={"base_wrench": place})
+    with MockServers(FEED, mock) as servers, LiveSource(scene, settings_for(servers)) as source:
+        assert_of_its_instant(with_wrench(source, 300))
+
+
+@pytest.mark.parametrize("delay", [0.03, 0.003, -0.01])
+def test_readings_in_packets_are_those_of_one_delay_before(delay):
+    names = tuple(f"output_double_register_{24 + i}" for i in range(6))
+    fields = {name: WRENCH[:, i] for i, name in enumerate(names)}
+    elbow = LinkWrenchSensor(name="elbow", link="forearm")
+    for scene, where in (
+        (Scene(robot="ur5e", base_wrench=WrenchSensor(delay=delay)), {"wrench_fields": names}),
+        (
+            Scene(robot="ur5e", base_wrench=None, link_wrenches=[elbow.model_copy(update={"delay": delay})]),
+            {"link_wrenches": {"elbow": WrenchSource(fields=names)}},
+        ),
+    ):
+        with MockServers(FEED, MOCK, fields=fields) as servers:
+            settings = SourceSettings(servers.rtde.host, servers.rtde.port, **where)
+            with LiveSource(scene, settings) as source:
+                samples = collect(source, 100)[20:]
+        assert np.allclose(np.diff([sample.t for sample in samples]), 0.002)  # none is lost
+        for sample in samples:
+            felt = sample.t + delay + np.arange(6)
+            if sample.base_wrench is None:
+                assert sample.link_wrenches["elbow"] == pytest.approx(
+                    LinkSensorFrame(scene, "link_wrenches.elbow").wrench(sample.q, felt)
+                )
+            else:
+                assert sample.base_wrench == pytest.approx(felt)
 
 
 def test_a_later_robot_stream():

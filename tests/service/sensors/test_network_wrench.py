@@ -204,6 +204,6 @@ def test_a_sample_lacks_a_reading_only_while_the_sensor_sends(
     box, recent = Box(monkeypatch), RecentCounts()
     box.health = SimpleNamespace(state=state, received=0, lost=0)
     check = ReadingCheck("base_wrench", False, recent, ArmState())
-    reader = WrenchReader(lambda _, reading: reading, check, box.reader, 0.005)
-    assert reader.at(RobotRecord(7.0, box.ns, ()), {}, np.zeros(6)).wrench is None
+    reader = WrenchReader(lambda _, reading: reading, check, box.reader)
+    assert reader.at(RobotRecord(7.0, box.ns, ()), np.zeros(6)).wrench is None
     assert recent.totals(time.monotonic())[SensorEvent("base_wrench", "lacking")] == lacking

@@ -83,10 +83,9 @@ def test_velocities_far_beyond_the_joints_limits_are_impossible():
     assert not RobotCheck(np.full(6, np.inf)).velocities_impossible(np.full(6, 1e300))
 
 
-def test_torques_and_whole_packets_that_repeat():
+def test_whole_packets_that_repeat():
     check = RobotCheck(LIMITS)
     for t in TIMES:
-        assert check.torque_repeats(t, (1.0, 2.0)) == pytest.approx(t)
         assert check.all_repeats(t, (1.0, 2.0, 3.0)) == pytest.approx(t)
 
 

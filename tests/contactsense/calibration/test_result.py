@@ -1,0 +1,35 @@
+"""What the result of a calibration says and writes."""
+
+import numpy as np
+import pytest
+
+from contactsense.calibration.calibration_model import CalibrationModel
+from contactsense.calibration.result import residual_statistics, scene_of
+from contactsense.robots.tool import Tool
+from contactsense.scene import Scene
+from contactsense.sensors.field_checks import carried_by
+
+
+def test_residuals_are_those_of_the_recordings_that_have_the_sensor() -> None:
+    rng = np.random.default_rng(0)
+    long, short = rng.standard_normal((900, 3)), rng.standard_normal((100, 3))
+    long[:, 1:] = short[:, 2] = 0.0
+    found = residual_statistics(
+        [long, short], [np.array([True, False, False]), np.array([True, True, False])]
+    )
+    np.testing.assert_allclose(
+        found.rms[:2], [np.concatenate([long[:, 0], short[:, 0]]).std(), short[:, 1].std()], rtol=0.02
+    )
+    assert found.tail[1] == pytest.approx(np.quantile(np.abs(short[:, 1]), 0.999))
+    assert np.isnan([found.rms[2], found.tail[2]]).all()
+
+
+@pytest.mark.parametrize("tool", [None, Tool(mass=0.0, com=(0.01, 0.0, 0.05))])
+def test_what_weighs_next_to_nothing_is_not_placed_by_the_noise(tool: Tool | None) -> None:
+    scene = Scene(robot="ur5e", tool=tool)
+    arm = CalibrationModel.of(scene).with_values(payload=np.array([3e-4, 0.002, 0.0, 0.0]))
+    found = scene_of(arm, {"payload"}, None, {}).tool
+    assert found is not None
+    assert found.mass == pytest.approx(3e-4)
+    assert found.com == (tool or Tool()).com
+    carried_by(scene.robot.mass, found)
