@@ -88,17 +88,12 @@ class _Stop:
 
     def step(self, dt: float) -> np.ndarray:
         self._t += dt
-        t = min(self._t, self._span)
         self.done = self._t >= self._span
-        rate = 1.0 / self._span if self._span else 0.0
-        still = float(not self.done)
-        return np.array(
-            [
-                self._q + self._qd * t * (1.0 - 0.5 * t * rate),
-                still * self._qd * (1.0 - t * rate),
-                -still * self._qd * rate,
-            ]
-        )
+        if self.done:
+            return np.vstack([self._q + 0.5 * self._span * self._qd, np.zeros((2, len(self._q)))])
+        rest = 1.0 - self._t / self._span
+        way = self._qd * self._t * 0.5 * (1.0 + rest)
+        return np.array([self._q + way, self._qd * rest, -self._qd / self._span])
 
 
 class _Move:

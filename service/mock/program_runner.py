@@ -7,6 +7,7 @@ import numpy as np
 
 from contactsense.service.mock.script import Watchdog
 from contactsense.service.mock.urscript import CONTROL_SCRIPT, Program, Statement
+from contactsense.service.mock.urscript_functions import joint_positions, positive
 
 if TYPE_CHECKING:
     from contactsense.service.mock.robot_controller import RobotController
@@ -68,7 +69,7 @@ class ProgramRunner:
         given, controller = statement.arguments, self._controller
         match statement.name:
             case "stopj" | "stopl":
-                controller.motion.stop(float(given.get("a", _STOP_DECELERATION)))
+                controller.motion.stop(given.get("a", _STOP_DECELERATION))
                 self._moving = True
             case "movej":
                 if not self._at_rest():
@@ -76,10 +77,10 @@ class ProgramRunner:
                     self._moving = True
                     return
                 speed, acceleration = given.get("v", _MOVE_SPEED), given.get("a", _MOVE_ACCELERATION)
-                controller.motion.move(np.array(given["q"], dtype=float), speed, acceleration)
+                controller.motion.move(np.array(given["q"]), speed, acceleration)
                 self._moving = True
             case "sleep":
-                self._sleep = float(given["t"])
+                self._sleep = given["t"]
             case "textmsg":
                 controller.send_message("".join(str(text) for text in given.values()))
             case "popup":
@@ -138,14 +139,21 @@ class ControlInterface:
             self._answer(2)
 
     def _begin(self, command: int) -> None:
+        try:
+            self._execute(command)
+        except ValueError as error:
+            self._controller.send_message(f"ur_rtde: command {command} not executed: {error}")
+
+    def _execute(self, command: int) -> None:
         motion = self._controller.motion
         match command:
             case Command.MOVEJ:
-                motion.move(np.array([self._float(j) for j in range(6)]), self._float(6), self._float(7))
+                q = joint_positions([self._float(j) for j in range(6)])
+                motion.move(np.array(q), positive(self._float(6)), positive(self._float(7)))
             case Command.PROTECTIVE_STOP:
                 self._controller.protective_stop("asked for by ur_rtde")
             case Command.STOPL | Command.STOPJ:
-                motion.stop(self._float(0))
+                motion.stop(positive(self._float(0)))
             case Command.STOP_SCRIPT:
                 self.done = True
             case _:

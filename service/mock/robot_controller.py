@@ -7,6 +7,7 @@ with the next step. Between two commands the script determines everything.
 import threading
 from collections import deque
 from collections.abc import Callable
+from math import isnan
 from typing import Any
 
 import numpy as np
@@ -178,8 +179,10 @@ class RobotController:
                 self.set_speed(float(inputs["speed_slider_fraction"][0]))
 
     def set_speed(self, fraction: float) -> None:
-        """Set the speed slider to a fraction from 0 to 1."""
+        """Set the speed slider to a fraction from 0 to 1; not a number: leave it."""
         with self.lock:
+            if isnan(fraction):
+                return
             self.slider = min(max(fraction, 0.0), 1.0)
             if self.runtime is RuntimeState.PLAYING:
                 self.motion.wanted = self.slider
@@ -240,8 +243,12 @@ class RobotController:
 
     def run(self, program: Program) -> None:
         """Run a program from a client: a `def` or a single line replaces the running program, a `sec` runs in
-        parallel to it."""
+        parallel to it. One with wrong arguments is not run."""
         with self.lock:
+            if program.errors:
+                for error in program.errors:
+                    self.send_message(f"program {program.name}: not run: {error}")
+                return
             for line in program.unknown:
                 self.send_message(f"program {program.name}: the mock does not simulate `{line}`")
             runner = ProgramRunner(program, self)

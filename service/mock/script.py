@@ -1,7 +1,7 @@
 """Scripts of the simulated arm in YAML: its motion, the contacts on it, and its sensors' noise."""
 
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Self
 
 from pydantic import (
     Field,
@@ -16,6 +16,7 @@ from contactsense.robots.field_errors import describe
 from contactsense.robots.file_model import FileModel
 from contactsense.robots.yaml_fields import fields_in, read_fields
 from contactsense.service.mock.obstacles import Obstacle
+from contactsense.service.mock.urscript_functions import WatchdogAction
 
 Vector = tuple[float, float, float]
 Posture = Annotated[tuple[float, ...], Field(min_length=1)]
@@ -118,7 +119,7 @@ class Watchdog(FileModel):
     """RTDE input that must be written."""
     min_frequency: PositiveFloat = 10.0
     """Lowest frequency of the writes [Hz]."""
-    action: Literal["pause", "stop", "ignore"] = "pause"
+    action: WatchdogAction = "pause"
     """What the controller does with the program if the input is not written."""
 
 

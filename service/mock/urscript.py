@@ -1,8 +1,9 @@
 """Parses the subset of URScript that the mock supports in programs from clients.
 
 A program is a `def` (which replaces the running program), a `sec` (which runs in parallel to it) or a single
-line. Only the statements in `STATEMENTS` are executed; all others are listed in `unknown`. Control structures
-such as `while`, `if` and threads are not supported and are listed as well.
+line. Only calls of `FUNCTIONS` are executed; all other lines are listed in `unknown`. Control structures such
+as `while`, `if` and threads are not supported and are listed as well. `errors` says which calls have wrong
+arguments; a program with one is not run at all, as one that a controller cannot compile.
 """
 
 import ast
@@ -10,22 +11,7 @@ import re
 from dataclasses import dataclass
 from typing import Any, Literal
 
-STATEMENTS = {
-    "stopj": ("a",),
-    "stopl": ("a", "aRot"),
-    "movej": ("q", "a", "v", "t", "r"),
-    "sleep": ("t",),
-    "sync": (),
-    "textmsg": ("s1", "s2"),
-    "popup": ("s", "title", "warning", "error", "blocking"),
-    "protective_stop": (),
-    "halt": (),
-    "rtde_set_watchdog": ("variable_name", "min_frequency", "action"),
-    "write_output_integer_register": ("address", "value"),
-    "write_output_float_register": ("address", "value"),
-    "write_output_boolean_register": ("address", "value"),
-}
-"""Statement -> names of its parameters."""
+from contactsense.service.mock.urscript_functions import FUNCTIONS, check_arguments
 
 _MOTION = frozenset({"stopj", "stopl", "movej", "sleep", "sync"})
 """Statements that a `sec` program must not contain."""
@@ -54,6 +40,8 @@ class Program:
     """Statements to execute, in order."""
     unknown: tuple[str, ...]
     """Lines that are not supported."""
+    errors: tuple[str, ...] = ()
+    """Calls with wrong arguments, and what is wrong; such a program is not run."""
     register_offset: int = 0
     """First register that ur_rtde's control script uses."""
 
@@ -96,31 +84,39 @@ def parse(text: str) -> Program:
         name, body = head[2], re.sub(r"(?:^|(?<=[\s;:)]))end\s*\Z", "", head[3].rstrip())
     register_offset = int(offset[1]) if offset else 0
     if name == CONTROL_SCRIPT:
-        return Program(name, kind, (), (), register_offset)
-    statements, unknown = [], []
+        return Program(name, kind, (), (), (), register_offset)
+    statements, unknown, errors = [], [], []
     for line in body.splitlines():
         source = line.split("#")[0].strip()
         if not source:
             continue
-        statement = _statement(source)
-        if statement is None or (kind == "sec" and statement.name in _MOTION):
+        call = _call(source)
+        if call is None or (kind == "sec" and call.name in _MOTION):
             unknown.append(source)
-        else:
-            statements.append(statement)
-    return Program(name, kind, tuple(statements), tuple(unknown), register_offset)
+            continue
+        try:
+            statements.append(Statement(call.name, check_arguments(call.name, call.given, call.named)))
+        except ValueError as error:
+            errors.append(str(error))
+    return Program(name, kind, tuple(statements), tuple(unknown), tuple(errors), register_offset)
 
 
-def _statement(source: str) -> Statement | None:
-    """Parse the call in a line; None if it is not one of `STATEMENTS` with constant arguments."""
+@dataclass(frozen=True, slots=True)
+class _Call:
+    name: str
+    given: list[Any]
+    named: dict[str, Any]
+
+
+def _call(source: str) -> _Call | None:
+    """Parse the call in a line; None if it is not one of `FUNCTIONS` with constant arguments."""
     try:
         call = ast.parse(source, mode="eval").body
         if not isinstance(call, ast.Call) or not isinstance(call.func, ast.Name):
             return None
-        names = STATEMENTS[call.func.id]
-        given = dict(zip(names, [ast.literal_eval(value) for value in call.args], strict=False))
-        given |= {str(word.arg): ast.literal_eval(word.value) for word in call.keywords}
-    except (SyntaxError, ValueError, KeyError):
+        given = [ast.literal_eval(value) for value in call.args]
+        named = {str(word.arg): ast.literal_eval(word.value) for word in call.keywords}
+    # What Python's parser raises: the last two for deeply nested lines, TypeError for a set of lists.
+    except (SyntaxError, ValueError, TypeError, RecursionError, MemoryError):
         return None
-    if len(call.args) > len(names) or not set(given) <= set(names):
-        return None
-    return Statement(call.func.id, given)
+    return _Call(call.func.id, given, named) if call.func.id in FUNCTIONS else None

@@ -211,10 +211,12 @@ def test_a_stop_program_at_each_client_interface(name):
             assert state[4] == 16
             angle = struct.unpack_from(">d", state, state.index(struct.pack(">iB", 251, 1)) + 5)[0]
             assert 0.0 < angle <= 1.2
-        link.sendall(b"def contact_stop():\n  stopj(8.0)\n  freedrive_mode()\nend\n")
+        link.sendall(b"stopj(0)\ndef contact_stop():\n  stopj(8.0)\n  freedrive_mode()\nend\n")
         assert until(lambda: servers.robot.runtime is RuntimeState.STOPPED)
         assert until(lambda: np.abs(servers.robot.at(servers.robot.now).qd).max() < 1e-4)
-        assert "freedrive_mode" in servers.robot.log[-1]
+        refused, unknown = servers.robot.log
+        assert refused == "program line: not run: stopj: a: expected a number above 0, got 0"
+        assert "freedrive_mode" in unknown
 
 
 def test_inputs_act_and_read_back():

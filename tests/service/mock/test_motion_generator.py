@@ -93,6 +93,17 @@ def test_a_stop_decelerates_the_fastest_joint_as_asked():
     np.testing.assert_allclose(generator.target[0], [0.0, 1.0])
 
 
+def test_the_hardest_stop_is_one_at_once():
+    generator = MotionGenerator(TRAJECTORY)
+    generator.start()
+    steps(generator, 0.7)
+    before = generator.target.copy()
+    generator.stop(1.7e308)
+    generator.step(DT)
+    np.testing.assert_array_equal(generator.target, [before[0], [0.0, 0.0], [0.0, 0.0]])
+    assert generator.at_rest
+
+
 def test_a_move_keeps_to_its_limits():
     generator = MotionGenerator(TRAJECTORY)
     generator.move(np.array([1.0, -1.0]), 0.5, 1.0)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from contactsense.service.mock.cell import Cell
+from contactsense.service.mock.program_runner import Command
 from contactsense.service.mock.robot_controller import UNLOCK_AFTER, RobotController
 from contactsense.service.mock.robot_state import RuntimeState
 from contactsense.service.mock.script import Script, ScriptError
@@ -110,6 +111,39 @@ def test_programs_move_write_registers_and_tell_what_is_not_simulated():
     assert said == ["program f: the mock does not simulate `freedrive_mode()`", "there 1"]
     live.run(parse("sec g():\n  popup('look')\nend"))
     assert live.popup == "look"
+
+
+def test_a_program_with_wrong_arguments_is_not_run():
+    live = robot()
+    live.advance_to(1.0)
+    live.run(parse("def f():\n  stopj(0)\n  popup('look')\nend"))
+    live.run(parse("sec g():\n  popup('look')\n  write_output_integer_register(1)\nend"))
+    assert list(live.log) == [
+        "program f: not run: stopj: a: expected a number above 0, got 0",
+        "program g: not run: write_output_integer_register: expected value, got nothing",
+    ]
+    # The motion of the script goes on.
+    assert live.at(3.0).q[0] == pytest.approx(1.2, abs=1e-6)
+    assert live.popup == ""
+
+
+def test_commands_of_ur_rtde_with_wrong_numbers_are_not_executed():
+    live = robot()
+    live.advance_to(2.5)
+    live.run(parse("def rtde_control():\n  reg_offset_int = 0\nend"))
+    live.advance_to(2.6)
+    for command in (Command.MOVEJ, Command.STOPJ):
+        live.receive({"input_int_register_0": (int(command),), "input_double_register_1": (float("nan"),)})
+        live.advance_to(live.now + 0.1)
+        assert live.outputs["output_int_register_0"] == (2,)
+        live.receive({"input_int_register_0": (0,)})
+        live.advance_to(live.now + 0.1)
+    assert list(live.log) == [
+        "ur_rtde: command 1 not executed: expected a number, got nan",
+        "ur_rtde: command 34 not executed: expected a number above 0, got 0.0",
+    ]
+    live.receive({"speed_slider_mask": (1,), "speed_slider_fraction": (float("nan"),)})
+    assert live.slider == 1.0
 
 
 @pytest.mark.parametrize(

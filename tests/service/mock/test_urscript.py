@@ -28,11 +28,11 @@ def test_several_programs_and_single_lines():
 def test_what_is_not_simulated_is_listed():
     text = (
         "def f():\n  while True:\n    sync()\n  end\n"
-        "  movel(p[0, 0, 0, 0, 0, 0])\n  x = 3\n  stopj(1, 2, 3)\nend\n"
+        "  movel(p[0, 0, 0, 0, 0, 0])\n  x = 3\n  stopj(wanted)\nend\n"
     )
     (program,) = ProgramReader().feed(text.encode())
     assert program.statements == (Statement("sync", {}),)
-    assert program.unknown == ("while True:", "end", "movel(p[0, 0, 0, 0, 0, 0])", "x = 3", "stopj(1, 2, 3)")
+    assert program.unknown == ("while True:", "end", "movel(p[0, 0, 0, 0, 0, 0])", "x = 3", "stopj(wanted)")
 
 
 def test_a_secondary_program_does_not_move():
@@ -51,3 +51,50 @@ def test_the_script_of_ur_rtde_names_its_registers(offset):
     text = f"def rtde_control():\n  reg_offset_int = {offset}\n  while True:\n    x = 1\n  end\nend\n"
     (program,) = ProgramReader().feed(text.encode())
     assert (program.name, program.register_offset) == ("rtde_control", offset)
+
+
+@pytest.mark.parametrize(
+    ("call", "error"),
+    [
+        ("movej()", "movej: expected q, got nothing"),
+        ("movej([1, 2, 3])", "movej: q: expected a list of 6 numbers, got [1, 2, 3]"),
+        ("movej([0, 0, 0, 0, 0, '1'])", "movej: q: expected a number, got '1'"),
+        ("movej([0, 0, 0, 0, 0, 0], v=0)", "movej: v: expected a number above 0, got 0"),
+        ("movej([0, 0, 0, 0, 0, 0], speed=1)", "movej: expected arguments out of q, a, v, t, r, got speed"),
+        ("stopj(0)", "stopj: a: expected a number above 0, got 0"),
+        ("stopj(True)", "stopj: a: expected a number, got True"),
+        ("stopj(1, 2)", "stopj: expected at most 1 arguments, got 2"),
+        ("stopj(1, a=2)", "stopj: a: expected one value, got two"),
+        ("sleep('a')", "sleep: t: expected a number, got 'a'"),
+        ("sleep(1e999)", "sleep: t: expected a number, got inf"),
+        (f"sleep({10**400})", "sleep: t: expected a number, got 10"),
+        ("sleep(-1)", "sleep: t: expected a number of at least 0, got -1"),
+        ("popup('look', blocking=1)", "popup: blocking: expected True or False, got 1"),
+        ("rtde_set_watchdog('x', 0)", "rtde_set_watchdog: min_frequency: expected a number above 0, got 0"),
+        ("rtde_set_watchdog('x', 1, 'go')", "action: expected one of pause, stop, ignore, got 'go'"),
+        ("write_output_integer_register(1)", "write_output_integer_register: expected value, got nothing"),
+        ("write_output_integer_register(48, 1)", "address: expected an integer from 0 to 47, got 48"),
+        (
+            "write_output_integer_register(1, 1.5)",
+            "value: expected an integer from -2147483648 to 2147483647",
+        ),
+        ("write_output_integer_register(1, 3000000000)", "value: expected an integer from -2147483648"),
+        ("write_output_float_register(1, 'a')", "write_output_float_register: value: expected a number"),
+        ("write_output_boolean_register(1, 2)", "value: expected True or False, got 2"),
+    ],
+)
+def test_wrong_arguments_are_errors(call, error):
+    program = parse(f"def f():\n  sync()\n  {call}\nend")
+    (said,) = program.errors
+    assert error in said
+    assert program.unknown == ()
+
+
+def test_what_python_cannot_parse_is_not_simulated():
+    for line in ("sleep({[]})", "sleep(" + "-" * 10_000 + "1)", "sleep(\0)"):
+        assert parse(line).unknown == (line,)
+
+
+def test_texts_can_be_sent():
+    (statement,) = parse(r"textmsg('\ud800')").statements
+    assert statement.arguments["s1"].encode() == b"?"
