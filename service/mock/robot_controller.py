@@ -188,9 +188,10 @@ class RobotController:
                 self.motion.wanted = self.slider
 
     def play(self) -> bool:
-        """Start the script's trajectory, or resume it after a pause; returns whether that was possible."""
+        """Start the script's trajectory, or resume it after a pause; returns whether that was possible: not
+        in a protective stop, nor before a program that is being stopped has ended."""
         with self.lock:
-            if self.protective:
+            if self.protective or self.runtime is RuntimeState.STOPPING:
                 return False
             self.motion.wanted = self.slider
             if self.runtime is RuntimeState.STOPPED:
@@ -260,7 +261,8 @@ class RobotController:
             if self.protective:
                 self.send_message(f"program {program.name}: not run, the robot is in a protective stop")
                 return
-            if not self.motion.at_rest and not runner.decelerates:
+            if not runner.decelerates:
+                # Also at rest, as in a dwell: otherwise the script's trajectory would go on after it.
                 self.motion.stop(STOP_DECELERATION)
             self.motion.wanted = self.slider
             self._runner = runner

@@ -80,6 +80,25 @@ def test_pause_and_play():
     assert live.at(5.0).runtime is RuntimeState.STOPPED
 
 
+def test_play_is_refused_until_the_arm_has_stopped():
+    live = robot()
+    live.advance_to(1.0)
+    live.stop()
+    live.advance_to(1.01)
+    assert not live.play()
+    assert live.at(2.0).runtime is RuntimeState.STOPPED
+    assert live.play()
+    assert live.at(7.0).q[0] == pytest.approx(1.2, abs=1e-6)
+
+
+def test_a_program_in_a_dwell_ends_the_motion_of_the_script():
+    live = robot()
+    live.advance_to(0.1)
+    live.run(parse("def f():\n  sleep(10)\nend"))
+    assert live.at(1.5).runtime is RuntimeState.PLAYING
+    np.testing.assert_allclose(live.at(1.5).target[0], FIELDS["trajectory"]["start"])
+
+
 @pytest.mark.slow
 def test_a_stop_program_replaces_the_running_one():
     live = robot()
