@@ -1,6 +1,7 @@
 """Times at which the mock received the register writes of reactions: the end of a latency measurement."""
 
 from collections.abc import Mapping, Sequence
+from math import isfinite
 from pathlib import Path
 
 from contactsense.service.mock.sent_log import SentLog
@@ -25,5 +26,5 @@ class ReceivedLog:
     def note(self, inputs: Mapping[str, Sequence[Number]], host_ns: int) -> None:
         """Record that inputs were written at this host time."""
         code, stamp = inputs.get(CODE), inputs.get(TIME)
-        if code and stamp and code[0] and not self._log.left_ns(float(stamp[0])):
+        if code and stamp and code[0] and isfinite(stamp[0]) and not self._log.left_ns(float(stamp[0])):
             self._log.note(round((float(stamp[0]) - self._t0) * self._rate), host_ns)

@@ -20,16 +20,25 @@ class SentLog:
     def __init__(self, path: Path | None = None, *, rate: float = 500.0, t0: float = 0.0) -> None:
         self._rate = rate
         self._t0 = t0
+        shape = (SIZE, 2)
         if path is None:
-            self._times = np.zeros(SIZE, dtype=np.int64)
+            self._rows = np.zeros(shape, dtype=np.int64)
         else:
-            exists = path.exists() and path.stat().st_size == SIZE * 8
-            self._times = np.memmap(path, dtype=np.int64, mode="r+" if exists else "w+", shape=(SIZE,))
+            exists = path.exists() and path.stat().st_size == SIZE * 16
+            self._rows = np.memmap(path, dtype=np.int64, mode="r+" if exists else "w+", shape=shape)
+        """By packet number modulo SIZE: the number, by which it differs from those with the same remainder,
+        and the host time."""
 
     def note(self, packet: int, host_ns: int) -> None:
         """Record that packet number `packet` leaves at this host time [ns]."""
-        self._times[packet % len(self._times)] = host_ns
+        row = self._rows[packet % SIZE]
+        # Readers in other processes find none rather than the time of another packet.
+        row[1] = 0
+        row[0] = packet
+        row[1] = host_ns
 
     def left_ns(self, timestamp: float) -> int:
         """Host time at which the packet with that time stamp left [ns]; 0 if there is none."""
-        return int(self._times[round((timestamp - self._t0) * self._rate) % len(self._times)])
+        packet = round((timestamp - self._t0) * self._rate)
+        number, host_ns = self._rows[packet % SIZE]
+        return int(host_ns) if number == packet else 0

@@ -7,7 +7,7 @@ from click.testing import CliRunner
 
 from contactsense.benchmarks.live.latency import latency
 from contactsense.service.mock.received_log import CODE, TIME, ReceivedLog
-from contactsense.service.mock.sent_log import SentLog
+from contactsense.service.mock.sent_log import SIZE, SentLog
 
 
 def test_the_first_write_of_a_sample_counts(tmp_path) -> None:
@@ -19,6 +19,19 @@ def test_the_first_write_of_a_sample_counts(tmp_path) -> None:
     log.note({CODE: (41,), TIME: (5.01,)}, 4)
     assert seen.left_ns(5.01) == 3
     assert seen.left_ns(5.012) == 0
+
+
+def test_a_later_sample_takes_the_place_of_one_with_the_same_remainder(tmp_path) -> None:
+    log, seen = ReceivedLog(tmp_path / "log"), SentLog(tmp_path / "log")
+    later = 1.0 + SIZE / 500.0
+    log.note({CODE: (1,), TIME: (1.0,)}, 11)
+    assert (seen.left_ns(1.0), seen.left_ns(later)) == (11, 0)
+    log.note({CODE: (1,), TIME: (later,)}, 99)
+    assert (seen.left_ns(1.0), seen.left_ns(later)) == (0, 99)
+
+
+def test_a_time_that_is_no_number_is_left_out(tmp_path) -> None:
+    ReceivedLog(tmp_path / "log").note({CODE: (1,), TIME: (float("nan"),)}, 1)
 
 
 @pytest.mark.long
