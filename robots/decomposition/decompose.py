@@ -17,7 +17,7 @@ from contactsense.robots.decomposition.initial_guess import additions, splits
 from contactsense.robots.decomposition.least_squares_fit import Bodies, Target, cost, fit
 from contactsense.robots.decomposition.local_deviation import local_deviation
 from contactsense.robots.decomposition.neighbour_poses import neighbour_poses
-from contactsense.robots.decomposition.outer_skin import Skin, Surroundings, outer_skin
+from contactsense.robots.decomposition.outer_skin import OutOfReachError, Skin, Surroundings, outer_skin
 from contactsense.robots.decomposition.surface_error import Errors, errors, packed
 from contactsense.robots.robot import LocalDeviation, Robot
 from contactsense.robots.surface.union import distances
@@ -82,7 +82,8 @@ def fit_link(
         One fit for each number of primitives, up to the first within tolerance or to the limit.
 
     Raises:
-        ValueError: the mesh has no surface that a finger can reach.
+        OutOfReachError: no part of the mesh can be reached by a finger.
+        ValueError: the mesh has no area.
     """
     options = options or Options()
     mesh = meshes[robot.link_names[link]]
@@ -102,7 +103,12 @@ def fit_body(skin: Skin, around: Surroundings, axes: np.ndarray, options: Option
 
     Returns:
         As `fit_link`.
+
+    Raises:
+        OutOfReachError: no part of the skin can be reached by a finger.
     """
+    if not skin.exposure.any():
+        raise OutOfReachError("no part of the mesh can be reached by a finger: its neighbours cover it")
     search = _Search(skin, around, axes, options)
     found: list[Fit] = []
     while len(found) < options.most:

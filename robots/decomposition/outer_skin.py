@@ -31,6 +31,10 @@ _LIFT = 2e-5
 """Rays start this far above the surface [m], so as not to hit it."""
 
 
+class OutOfReachError(ValueError):
+    """A mesh has no part that a finger can reach."""
+
+
 class Skin(NamedTuple):
     """Random points, uniform by area, on the outer skin of one link, in the link's frame."""
 
@@ -123,7 +127,8 @@ def outer_skin(
         seed: Seed of the samples and rays.
 
     Raises:
-        ValueError: the mesh has no area, or no part of it is visible from outside.
+        OutOfReachError: no part of the mesh is visible from outside.
+        ValueError: the mesh has no area.
     """
     if len(mesh.faces) == 0 or not mesh.area > 0.0:
         raise ValueError("the mesh has no surface")
@@ -135,7 +140,7 @@ def outer_skin(
     normals[below > above] *= -1.0
     outside = np.maximum(above, below) > 0.0
     if not outside.any():
-        raise ValueError("no part of the mesh is visible from outside")
+        raise OutOfReachError("no part of the mesh is visible from outside")
     points, normals = points[outside], normals[outside]
     exposure = Surroundings(mesh, poses).exposure(points, normals, rng)
     return Skin(points, normals, exposure, float(mesh.area * outside.mean()))

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from contactsense.robots.decomposition.decompose import Fit, Options, fit_body, measured_fit
 from contactsense.robots.decomposition.least_squares_fit import Bodies
-from contactsense.robots.decomposition.outer_skin import Surroundings, outer_skin
+from contactsense.robots.decomposition.outer_skin import OutOfReachError, Surroundings, outer_skin
 
 SMALL = 0.02
 """Parts of which no edge is longer, such as pins and screws, belong to the nearest larger one [m]."""
@@ -51,11 +51,9 @@ def fit_part(parts: Sequence[trimesh.Trimesh], number: int, options: Options) ->
     others = [part for i, part in enumerate(parts) if i != number]
     try:
         skin = outer_skin(parts[number], [others], options.samples, options.seed)
-    except ValueError:
+        return fit_body(skin, Surroundings(parts[number], [others]), np.eye(3), options)
+    except OutOfReachError:
         return ()
-    if not skin.exposure.any():
-        return ()
-    return fit_body(skin, Surroundings(parts[number], [others]), np.eye(3), options)
 
 
 def joined_fit(mesh: trimesh.Trimesh, parts: Sequence[Fit], options: Options) -> Fit:

@@ -2,21 +2,20 @@
 
 import time
 from collections.abc import Iterable, Mapping
-from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 from rich import box
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import Progress
 from rich.table import Table
 
 from contactsense.robots import Robot, RobotError
 from contactsense.robots.deviation_table import lines
 from contactsense.robots.library import URDF_SUFFIXES
 from contactsense.robots.whole_file import write_text
-from contactsense.service.analysis.fleet.worker_pool import WorkerPoolError, run_tasks
+from contactsense.service.cli.decompose_fits import PROGRESS_COLUMNS, fit_all, fit_by_parts
 from contactsense.service.cli.finite_range import FiniteRange
 from contactsense.service.cli.measured_surface import measured_again
 from contactsense.service.cli.output_file import check_writable
@@ -29,7 +28,6 @@ if TYPE_CHECKING:
 
 _WIDEST = 500
 """Width beyond which no table grows [characters]."""
-_COLUMNS = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
 
 
 @click.command()
@@ -145,13 +143,13 @@ def decompose(
         _write(measured_again(robot, surfaces, measure), out)
         return
     start = time.perf_counter()
-    fits = _fit_all(robot, surfaces, options, jobs)
+    fits = fit_all(robot, surfaces, options, jobs)
     seconds = time.perf_counter() - start
     names = list(fits)
     chosen = dict(zip(names, choose([fits[name] for name in names], options.tolerance, most), strict=True))
     best = {name: fits[name][chosen[name]] for name in names}
     if rigid:
-        best["tool"] = _fit_by_parts(robot.name, surfaces["tool"], best["tool"], options, most, jobs)
+        best["tool"] = fit_by_parts(robot.name, surfaces["tool"], best["tool"], options, most, jobs)
     _report(best)
     for line in beyond_tolerance({name: fit.p95 for name, fit in best.items()}, options.tolerance):
         click.echo(line, err=True)
@@ -190,73 +188,6 @@ def _write(text: str, out: Path | None) -> None:
             write_text(out, text)
     except OSError as error:
         raise click.ClickException(str(error)) from error
-
-
-def _fit_all(
-    robot: Robot, meshes: "dict[str, trimesh.Trimesh]", options: "Options", jobs: int
-) -> "dict[str, tuple[Fit, ...]]":
-    links = [number for number, name in enumerate(robot.link_names) if name in meshes]
-    tasks = [(robot, meshes, number, options) for number in links]
-    found: dict[int, tuple[Fit, ...]] = {}
-    with (
-        Progress(*_COLUMNS, console=Console(stderr=True)) as progress,
-        closing(run_tasks(_fit, tasks, jobs)) as fits,
-    ):
-        bar = progress.add_task(f"{robot.name}: links", total=len(links))
-        for (_, _, number, _), fit in fits:
-            if isinstance(fit, ValueError | WorkerPoolError):
-                raise click.ClickException(f"{robot.name}: link {robot.link_names[number]}: {fit}") from fit
-            if isinstance(fit, Exception):
-                raise fit
-            found[number] = fit
-            progress.advance(bar)
-    return {robot.link_names[number]: found[number] for number in links}
-
-
-def _fit(task: "tuple[Robot, dict[str, trimesh.Trimesh], int, Options]") -> "tuple[Fit, ...]":
-    """The fits of one link, in a worker process."""
-    from contactsense.robots.decomposition.decompose import fit_link
-
-    return fit_link(*task)
-
-
-def _fit_by_parts(
-    name: str, mesh: "trimesh.Trimesh", whole: "Fit", options: "Options", most: int | None, jobs: int
-) -> "Fit":
-    """The fit of a whole tool or body, or one part by part if that is better: it is tried where the whole one
-    is beyond the tolerance and the mesh has separate parts."""
-    from contactsense.robots.decomposition.decompose import choose
-    from contactsense.robots.decomposition.separate_parts import joined_fit, separate_parts
-
-    if whole.p95 <= options.tolerance:
-        return whole
-    parts = separate_parts(mesh)
-    if len(parts) < 2:
-        return whole
-    fits: dict[int, tuple[Fit, ...]] = {}
-    with (
-        Progress(*_COLUMNS, console=Console(stderr=True)) as progress,
-        closing(run_tasks(_fit_part, [(parts, i, options) for i in range(len(parts))], jobs)) as results,
-    ):
-        bar = progress.add_task(f"{name}: parts", total=len(parts))
-        for (_, number, _), fit in results:
-            if isinstance(fit, Exception):
-                raise click.ClickException(f"{name}: part {number}: {fit}") from fit
-            fits[number] = fit
-            progress.advance(bar)
-    shown = [fits[number] for number in sorted(fits) if fits[number]]
-    if not 0 < len(shown) <= (most or len(shown)):
-        return whole
-    chosen = choose(shown, options.tolerance, most)
-    joined = joined_fit(mesh, [part[i] for part, i in zip(shown, chosen, strict=True)], options)
-    return min(whole, joined, key=lambda fit: fit.p95)
-
-
-def _fit_part(task: "tuple[list[trimesh.Trimesh], int, Options]") -> "tuple[Fit, ...]":
-    """The fits of one part, in a worker process."""
-    from contactsense.robots.decomposition.separate_parts import fit_part
-
-    return fit_part(*task)
 
 
 def _report(best: "dict[str, Fit]") -> None:
@@ -300,7 +231,7 @@ def beyond_tolerance(reached: Mapping[str, float], tolerance: float) -> list[str
 def _draw(robot: Robot, meshes: "dict[str, trimesh.Trimesh]", best: "dict[str, Fit]", path: Path) -> None:
     from contactsense.robots.decomposition.error_picture import draw_fits
 
-    with Progress(*_COLUMNS, console=Console(stderr=True)) as progress:
+    with Progress(*PROGRESS_COLUMNS, console=Console(stderr=True)) as progress:
         task = progress.add_task("picture: links", total=len(best))
         bodies = {name: fit.bodies for name, fit in best.items()}
         draw_fits(robot, meshes, bodies, path, drawn=lambda: progress.advance(task))

@@ -1,22 +1,27 @@
 """`contactsense robots` and `contactsense decompose`, as a user calls them."""
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
 import yaml
+from click import ClickException
 from click.testing import CliRunner, Result
 from matplotlib import image
 
 from contactsense import Scene, robots
-from contactsense.robots.decomposition.decompose import Fit
+from contactsense.robots.decomposition.decompose import Fit, Options
+from contactsense.robots.decomposition.outer_skin import OutOfReachError
 from contactsense.robots.decomposition.surface_error import HEADINGS, Errors, bodies_of
+from contactsense.service.cli import decompose_fits
 from contactsense.service.cli.decompose import _report, beyond_tolerance
+from contactsense.service.cli.decompose_fits import fit_all
 from contactsense.service.cli.main import cli
 from contactsense.service.drawing.palette import link_colour, rgb
-from tests.robots.shapes import fork, two_meshes
+from tests.robots.shapes import fork, two_links, two_meshes
 
 URDF = """
 <robot name="two"><link name="base"><visual><geometry><mesh filename="base.stl"/></geometry></visual></link>
@@ -156,6 +161,35 @@ def test_a_mesh_that_is_too_large_is_named_before_the_fit(tmp_path: Path) -> Non
     assert "warning" not in warned("1 1 1")
     told = "warning: bar: its mesh extends 600 mm beyond a joint, on a link whose joints are 400 mm apart"
     assert told in warned("2 2 2")
+
+
+def test_links_that_cannot_be_touched_are_named(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fit, hidden = Fit(bodies_of([]), Errors(*[np.zeros(0)] * 3, 1.0), (), (), 0.0), OutOfReachError("covered")
+    outcomes: dict[int, object] = {0: (fit,), 1: hidden}
+
+    def run(_: object, tasks: list[tuple[object, object, int, object]], jobs: int) -> Iterator[object]:
+        yield from ((task, outcomes[task[2]]) for task in tasks)
+
+    monkeypatch.setattr(decompose_fits, "run_tasks", run)
+    assert fit_all(two_links(), two_meshes(), Options(), 1) == {"base": (fit,)}
+    assert "warning: bar: covered; it gets no primitives" in capsys.readouterr().err
+    outcomes[0] = hidden
+    with pytest.raises(ClickException, match="two_links: no part can be touched"):
+        fit_all(two_links(), two_meshes(), Options(), 1)
+
+
+@pytest.mark.long
+def test_a_link_that_cannot_be_touched_gets_no_primitives(tmp_path: Path) -> None:
+    trimesh.creation.box((0.4, 0.4, 0.4)).export(tmp_path / "base.stl")
+    trimesh.creation.icosphere(2, 0.02).export(tmp_path / "bar.stl")
+    urdf, out = tmp_path / "two.urdf", tmp_path / "two.surface.yaml"
+    urdf.write_text(URDF)
+    result = call("decompose", str(urdf), "--max", "1", "--link-max", "1", "--jobs", "1", "--out", str(out))
+    assert result.exit_code == 0, result.output
+    assert "warning: bar: no part of the mesh can be reached by a finger" in result.stderr
+    assert [bool(link.primitives) for link in robots.load(urdf).links] == [True, False]
 
 
 def test_an_arm_without_visual_shapes_needs_meshes(tmp_path: Path) -> None:

@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+import trimesh
 
 from contactsense import robots
 from contactsense.robots.decomposition.decompose import Fit, Options, choose, fit_link
 from contactsense.robots.decomposition.least_squares_fit import Bodies
+from contactsense.robots.decomposition.outer_skin import OutOfReachError
 from contactsense.robots.decomposition.surface_error import exposed_surface, packed, surface_points
 from contactsense.robots.decomposition.yaml_export import primitive, primitives
 from contactsense.robots.meshes import from_folder
@@ -39,6 +41,13 @@ def test_finds_the_two_bodies_that_made_the_mesh(bar: tuple[Fit, ...]) -> None:
     assert np.median(np.abs(found.errors.skin)) < 2e-4
     assert np.degrees(np.median(found.errors.angle)) < 3.0
     assert bar[0].p95 > found.p95
+
+
+def test_a_link_within_its_neighbour_cannot_be_fitted() -> None:
+    meshes = two_meshes() | {"bar": trimesh.creation.icosphere(2, 0.01)}
+    meshes["base"].apply_scale(3.0)
+    with pytest.raises(OutOfReachError, match="can be reached by a finger"):
+        fit_link(two_links(), meshes, 1, QUICK)
 
 
 @pytest.mark.long
