@@ -1,8 +1,10 @@
 """Fitted primitives as the text of a `<name>.surface.yaml`."""
 
+import sys
 from collections.abc import Iterable, Mapping
 
 import numpy as np
+import yaml
 
 from contactsense.robots.decomposition.least_squares_fit import Bodies
 from contactsense.robots.primitives import Box, Capsule, Cylinder, Ellipsoid, Primitive, Sphere, Vector
@@ -93,10 +95,15 @@ def text(
         tip: Last link of the arm in its URDF, if it was named.
         deviations: Link name -> level -> `contactsense.robots.deviation_table.lines`.
     """
-    lines = [f"# {comment}".rstrip() for comment in comments]
-    lines += [f"robot: {robot}", *([f"tip: {tip}"] if tip else []), f"fit_seconds: {seconds:.0f}", "links:"]
+    lines = _commented(comments)
+    lines += [
+        f"robot: {_name(robot)}",
+        *([f"tip: {_name(tip)}"] if tip else []),
+        f"fit_seconds: {seconds:.0f}",
+        "links:",
+    ]
     for link, levels in links.items():
-        lines.append(f"  {link}:")
+        lines.append(f"  {_name(link)}:")
         for level, shapes in levels.items():
             lines.append(f"    {level}:")
             for shape in shapes:
@@ -118,8 +125,8 @@ def tool_text(
         cells: `contactsense.robots.deviation_table.lines`.
         comments: Lines at the start.
     """
-    lines = [f"# {comment}".rstrip() for comment in comments]
-    lines += ["tool:", f"  name: {name}"]
+    lines = _commented(comments)
+    lines += ["tool:", f"  name: {_name(name)}"]
     if body.mass > 0.0:
         tensor = body.tensor[np.triu_indices(3)]
         lines += [
@@ -134,10 +141,31 @@ def tool_text(
 
 def body_text(name: str, shapes: Iterable[Primitive], cells: Iterable[str], comments: Iterable[str]) -> str:
     """The field `bodies` of a scene, with one body. `cells` as for `tool_text`."""
-    lines = [f"# {comment}".rstrip() for comment in comments]
-    lines += ["bodies:", f"  - name: {name}", "    primitives:", *(f"      - {_fields(x)}" for x in shapes)]
+    lines = _commented(comments)
+    lines += [
+        "bodies:",
+        f"  - name: {_name(name)}",
+        "    primitives:",
+        *(f"      - {_fields(x)}" for x in shapes),
+    ]
     lines += _indented("    deviation: |", cells)
     return "\n".join(lines) + "\n"
+
+
+def _commented(comments: Iterable[str]) -> list[str]:
+    lines = [line for comment in comments for line in comment.splitlines() or [""]]
+    # YAML allows no control characters, not even in comments.
+    return [f"# {''.join(c if c.isprintable() else '?' for c in line)}".rstrip() for line in lines]
+
+
+def _name(name: str) -> str:
+    """A name in YAML: in quotes where it would be read as something else, such as a number or a comment."""
+    try:
+        if yaml.safe_load(f"{name}: {name}") == {name: name}:
+            return name
+    except (yaml.YAMLError, ValueError):  # ValueError: a date that does not exist
+        pass
+    return str(yaml.safe_dump(name, default_style='"', width=sys.maxsize, allow_unicode=True)).rstrip("\n")
 
 
 def _indented(head: str, lines: Iterable[str]) -> list[str]:
