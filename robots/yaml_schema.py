@@ -14,7 +14,6 @@ import numpy as np
 from pydantic import (
     AfterValidator,
     BaseModel,
-    ConfigDict,
     Field,
     PositiveFloat,
     ValidationError,
@@ -39,6 +38,9 @@ Angles = Annotated[Vector, AfterValidator(within_one_turn)]
 Tensor = tuple[float, float, float, float, float, float]
 Entry = TypeVar("Entry", bound=BaseModel)
 Rotor = Annotated[float, Field(ge=0.0)]
+# A limit that is not known, or that a joint does not have, is infinite; no other number of a joint is.
+PositionLimit = Annotated[float, Field(allow_inf_nan=True)]
+PositiveLimit = Annotated[float, Field(gt=0.0, allow_inf_nan=True)]
 
 
 class LinkEntry(FileModel):
@@ -65,15 +67,13 @@ class LinkEntry(FileModel):
 class JointEntry(FileModel):
     """One revolute joint: its frame in its parent link; limits in degrees, degrees per second and Nm."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=True)
-
     name: str
     xyz: Place
     rpy: Angles
     axis: Vector = (0.0, 0.0, 1.0)
-    position_limits: tuple[float, float] = (-inf, inf)
-    velocity_limit: PositiveFloat
-    torque_limit: PositiveFloat
+    position_limits: tuple[PositionLimit, PositionLimit] = (-inf, inf)
+    velocity_limit: PositiveLimit
+    torque_limit: PositiveLimit
     rotor_inertia: Rotor | None = None
     torque_constant: PositiveFloat | None = None
 
