@@ -20,14 +20,15 @@ _SAMPLES = 10000
 
 
 def measured_again(robot: Robot, meshes: "dict[str, trimesh.Trimesh]", path: Path) -> str:
-    """The surface file at `path` with the deviations that are measured now.
+    """The surface file at `path` with the deviations that are measured now; a warning for each link without a
+    mesh that can be touched, whose deviations stay.
 
     Raises:
-        click.ClickException: there is no such file.
+        click.ClickException: there is no such file, or it has a link that the arm does not have.
     """
     from contactsense.robots.decomposition.local_deviation import local_deviation
     from contactsense.robots.decomposition.neighbour_poses import neighbour_poses
-    from contactsense.robots.decomposition.outer_skin import outer_skin
+    from contactsense.robots.decomposition.outer_skin import OutOfReachError, outer_skin
     from contactsense.robots.decomposition.surface_error import bodies_of
     from contactsense.robots.decomposition.yaml_export import text
 
@@ -41,12 +42,23 @@ def measured_again(robot: Robot, meshes: "dict[str, trimesh.Trimesh]", path: Pat
         if line.startswith("#") and not line.startswith("# Deviations")
     ]
     deviations = {}
-    for number, name in enumerate(robot.link_names):
-        if name not in surface.links:
-            continue
+    for name, link in surface.links.items():
+        if name not in robot.link_names:
+            raise click.ClickException(f"{path}: links.{name}: {robot.name} has no such link")
         click.echo(name, err=True)
-        skin = outer_skin(meshes[name], neighbour_poses(robot, meshes, number), _SAMPLES)
-        link = surface.links[name]
+        deviations[name] = {
+            "coarse": link.coarse_deviation.splitlines(),
+            "fine": link.fine_deviation.splitlines(),
+        }
+        if name not in meshes:
+            click.echo(f"warning: {name}: no mesh; its deviations stay as they are", err=True)
+            continue
+        number = robot.link_names.index(name)
+        try:
+            skin = outer_skin(meshes[name], neighbour_poses(robot, meshes, number), _SAMPLES)
+        except OutOfReachError as error:
+            click.echo(f"warning: {name}: {error}; its deviations stay as they are", err=True)
+            continue
         deviations[name] = {
             "coarse": lines(local_deviation(bodies_of(link.coarse), skin, moved=True)),
             "fine": lines(local_deviation(bodies_of(link.fine), skin)),

@@ -200,6 +200,24 @@ def test_an_arm_without_visual_shapes_needs_meshes(tmp_path: Path) -> None:
     assert "no link has a visual shape; --meshes names a folder of meshes" in result.output
 
 
+def test_links_without_a_mesh_keep_their_deviations(tmp_path: Path) -> None:
+    two_meshes()["base"].export(tmp_path / "base.stl")
+    urdf, surface = tmp_path / "two.urdf", tmp_path / "other.surface.yaml"
+    urdf.write_text(URDF.replace('<visual><geometry><mesh filename="bar.stl"/></geometry></visual>', ""))
+    ball = [{"kind": "sphere", "center": [0, 0, 0], "radius": 0.05}]
+    link = {"fine": ball, "coarse": ball, "fine_deviation": "0 10 20 30 1.50 12\n"}
+    surface.write_text(yaml.safe_dump({"robot": "two", "links": {"base": link, "bar": link}}))
+    result = call("decompose", str(urdf), "--measure", str(surface))
+    assert result.exit_code == 0, result.output
+    assert "warning: bar: no mesh; its deviations stay as they are" in result.stderr
+    written = yaml.safe_load(result.stdout)["links"]
+    assert written["bar"] == link
+    assert written["base"]["fine_deviation"] != link["fine_deviation"]
+    surface.write_text(yaml.safe_dump({"robot": "two", "links": {"arm": link}}))
+    result = call("decompose", str(urdf), "--measure", str(surface))
+    assert (result.exit_code, "links.arm: two has no such link" in result.stderr) == (1, True)
+
+
 def test_links_beyond_the_tolerance_are_named() -> None:
     near, far, none = np.full(100, 1e-3), np.linspace(0.0, 10e-3, 101), np.zeros(0)
     errors = {
