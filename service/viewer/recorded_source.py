@@ -1,11 +1,13 @@
 """Frames of a recording, with controls: play, pause, scrub, speed, and its contacts to jump to."""
 
 import time
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import viser
 
+from contactsense import Event
 from contactsense.scene import Scene
 from contactsense.service.recordings import ColumnMapping
 from contactsense.service.viewer.controls import set_value
@@ -72,8 +74,7 @@ class RecordedSource:
         def _(_: object) -> None:
             self._clock.set_speed(float(speed.value.split()[0]), time.monotonic())
 
-        onsets = [event for event in self._playback.events if event.kind == "onset"]
-        names = {f"{event.t:.1f} s {event.link}": event.t for event in onsets}
+        names = onset_times(self._playback.events)
         if names:
             jump = gui.add_dropdown("Contact", [CHOOSE, *names], initial_value=CHOOSE)
 
@@ -99,3 +100,9 @@ class RecordedSource:
         """Where the playback is."""
         at = self._clock.time(time.monotonic())
         return f"{self._name}: {at:.1f} s of {self._playback.duration:.1f} s"
+
+
+def onset_times(events: Iterable[Event]) -> dict[str, float]:
+    """Names of the contacts to jump to, with the times at which they began [s]."""
+    # The number makes names differ where two contacts begin on one link within a tenth of a second.
+    return {f"{e.contact}: {e.t:.1f} s {e.link}": e.t for e in events if e.kind == "onset"}
