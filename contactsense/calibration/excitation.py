@@ -20,6 +20,7 @@ from contactsense.calibration.expected_uncertainty import (
 )
 from contactsense.calibration.fourier_trajectory import FourierTrajectory
 from contactsense.calibration.parameters import OPTIONAL, Group
+from contactsense.plausibility.largest_reading import joints_of_unknown_speed
 from contactsense.scene import Scene
 from contactsense.sensors.settings import JointTorqueSensor
 
@@ -52,7 +53,7 @@ class ExcitationSettings:
     speed: float = 0.4
     """Largest speed of each joint, as a fraction of its limit."""
     torque: float = 0.8
-    """Largest torque of each joint, as a fraction of its limit."""
+    """Largest torque of each joint, as a fraction of its limit if that is known."""
     floor: float = 0.05
     """Smallest height of all moving links above the plane z = 0 of the base frame [m]."""
     clearance: float = 0.05
@@ -153,6 +154,13 @@ class _Search:
         if settings.seconds < 2.0 * _MIN_RECORDING:
             raise CalibrationError(
                 f"seconds: expected at least {2.0 * _MIN_RECORDING:g}, got {settings.seconds:g}"
+            )
+        unknown = joints_of_unknown_speed(scene.robot)
+        if unknown:
+            raise CalibrationError(
+                "robot: expected the largest speed of each joint, which limits the motion, got none of "
+                f"{', '.join(unknown)}: add velocity to their limits in the URDF, or velocity_limit in the "
+                "file of the arm"
             )
         self._scene, self._settings, self._home = scene, settings, home
         self._low, self._high = np.array([joint.position_limits for joint in joints]).T

@@ -10,6 +10,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from contactsense.calibration.calibration_model import CalibrationModel
+from contactsense.robots.torque_scale import torque_scales
 
 Group = Literal[
     "bias",
@@ -105,9 +106,9 @@ def _group_parameters(arm: CalibrationModel, group: Group) -> list[Entry]:
             "load": (0.0, ""),
             "gain": (0.0, ""),
         }[group]
-        ratio = {"load": 0.2, "gain": 0.3}.get(group)
+        ratio, torques = {"load": 0.2, "gain": 0.3}.get(group), torque_scales(arm.scene.robot)
         return [
-            Entry(group, (j,), f"{group} of {joint.name}", unit, ratio or fraction * joint.torque_limit, j)
+            Entry(group, (j,), f"{group} of {joint.name}", unit, ratio or fraction * float(torques[j]), j)
             for j, joint in enumerate(joints)
         ]
     parts = _parts(group)

@@ -12,6 +12,7 @@ from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from contactsense.calibration.calibration_model import CalibrationModel
 from contactsense.calibration.free_motion import FreeMotion
+from contactsense.robots.torque_scale import torque_scales
 
 _CONTACT, _EDGE = 1.5, 1.0
 """A contact changes the torques by at least the first multiple of Coulomb friction, in the Euclidean norm
@@ -47,8 +48,7 @@ def changes_at_rest(
         to that of the smallest contact, shape (N,). Both are zero in motion, in short stretches of rest, and
         where the length is less than that at which a contact ends.
     """
-    limits = np.array([joint.torque_limit for joint in arm.scene.robot.joints])
-    scale = np.maximum(arm.coulomb, _LEAST_FRICTION * limits)
+    scale = np.maximum(arm.coulomb, _LEAST_FRICTION * torque_scales(arm.scene.robot))
     change = np.zeros_like(residual)
     dt = float(np.median(np.diff(recording.t)))
     window = max(3, round(_REST_WINDOW / dt))

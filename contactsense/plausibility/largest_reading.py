@@ -1,12 +1,14 @@
 """The largest readings that the arm's own weight and motion cause in its reach."""
 
 from collections.abc import Callable
+from math import isfinite
 
 import numpy as np
 from scipy.optimize import Bounds, minimize
 
 from contactsense.kinematics.inverse_dynamics import inverse_dynamics
 from contactsense.kinematics.model import Model, empty_motion
+from contactsense.robots import Robot
 from contactsense.scene import Scene
 from contactsense.scene_model.arm_model import model_with_tool
 from contactsense.scene_model.arm_weight import ArmWeight
@@ -52,7 +54,7 @@ def largest_reading_at_rest(scene: Scene, sensor: WrenchSensor) -> np.ndarray:
     return np.asarray(largest)
 
 
-def largest_reading_in_motion(scene: Scene, field: str) -> np.ndarray:
+def largest_reading_in_motion(scene: Scene, field: str) -> np.ndarray | None:
     """Largest magnitude of each component that a sensor reads of an arm in motion that touches nothing.
 
     In random postures within the joints' limits, every joint has its largest speed, either way, or rests, and
@@ -64,8 +66,11 @@ def largest_reading_in_motion(scene: Scene, field: str) -> np.ndarray:
         field: The sensor: `base_wrench`, or a key of `Scene.link_sensors`.
 
     Returns:
-        Shape (6,), sensor axes, about its origin [N, Nm].
+        Shape (6,), sensor axes, about its origin [N, Nm]; None if the largest speed of a joint is not
+        known.
     """
+    if joints_of_unknown_speed(scene.robot):
+        return None
     model, reading = _base(scene) if field == "base_wrench" else _within(scene, field)
     joints = scene.robot.joints
     n = len(joints)
@@ -87,6 +92,11 @@ def largest_reading_in_motion(scene: Scene, field: str) -> np.ndarray:
         worst = np.abs(readings[3:] - readings[0]).sum(axis=0)
         largest = np.maximum(largest, np.abs(readings[1:3]).max(axis=0) + worst)
     return largest
+
+
+def joints_of_unknown_speed(robot: Robot) -> tuple[str, ...]:
+    """Names of the joints whose largest speed is not known."""
+    return tuple(joint.name for joint in robot.joints if not isfinite(joint.velocity_limit))
 
 
 def largest_torque_at_rest(scene: Scene) -> np.ndarray:

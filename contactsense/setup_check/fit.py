@@ -23,6 +23,7 @@ import numpy as np
 from scipy.linalg import lu_factor, lu_solve
 
 from contactsense.calibration.parameters import inertial_scales
+from contactsense.robots.torque_scale import torque_scales
 from contactsense.scene import JointTorqueSensor, Scene
 from contactsense.sensors.settings import per_joint
 from contactsense.setup_check.lines import wrench_fields
@@ -85,8 +86,7 @@ class Fitter:
         joints = scene.robot.joints
         self._joints = n = len(joints)
         self.joint_names = tuple(joint.name for joint in joints)
-        limit = _TORQUE_PART * np.array([joint.torque_limit for joint in joints])
-        self._drive_prior = limit
+        self._drive_prior = _TORQUE_PART * torque_scales(scene.robot)
         self._inertia_error = max(_INERTIA_ERROR, scene.inertia_error)
         torque = scene.joint_torque or JointTorqueSensor()
         base = () if scene.base_wrench is None else (scene.base_wrench,)

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from contactsense.robots.torque_scale import torque_scales
 from contactsense.scene import Scene
 from contactsense.setup_check.fit import Fit, Fitter
 from contactsense.setup_check.lines import label, wrench_fields
@@ -11,7 +12,7 @@ _NOISE_FACTOR, _SHARE = 5.0, 0.3
 """A signal is unexplained if its residual exceeds its noise by this factor, this share of its own variation,
 and `UNEXPLAINED_SHARE`."""
 UNEXPLAINED_SHARE = 0.03
-"""Share of the joints' limits, or of the weight of what a sensor carries."""
+"""Share of the joints' largest torques, or of the weight of what a sensor carries."""
 ARM_LEVER, _TOOL_LEVER = 0.5, 0.1
 """Moments are compared with that weight at these levers [m]."""
 
@@ -20,7 +21,7 @@ def unexplained_signals(scene: Scene, fitter: Fitter, readings: Readings, now: F
     """Signals whose residual is large by every measure: their noise, their variation, and the arm."""
     n, fields = len(scene.robot.joints), wrench_fields(scene)
     rms = np.sqrt(np.mean(now.residual**2, axis=0))
-    scale = [np.array([joint.torque_limit for joint in scene.robot.joints])]
+    scale = [torque_scales(scene.robot)]
     variation = np.full(len(rms), np.inf)
     if readings.torque is not None:
         variation[:n] = readings.torque.std(axis=0)

@@ -187,9 +187,11 @@ class JointOut(BaseModel):
     """A revolute joint."""
 
     name: str
-    position_limits: tuple[float, float] = Field(description="Lowest and highest angle [rad].")
-    velocity_limit: float = Field(description="Largest speed [rad/s].")
-    torque_limit: float = Field(description="Largest torque [Nm].")
+    position_limits: tuple[float | None, float | None] = Field(
+        description="Lowest and highest angle [rad]; null of an endless joint."
+    )
+    velocity_limit: float | None = Field(description="Largest speed [rad/s]; null if it is not known.")
+    torque_limit: float | None = Field(description="Largest torque [Nm]; null if it is not known.")
 
 
 class RobotOut(BaseModel):

@@ -1,5 +1,7 @@
 """Routes for the arm and its scene."""
 
+from math import isfinite
+
 from fastapi import APIRouter
 
 from contactsense.service.api import messages
@@ -28,13 +30,17 @@ async def robot(service: Shared) -> RobotOut:
         joints=[
             messages.JointOut(
                 name=joint.name,
-                position_limits=joint.position_limits,
-                velocity_limit=joint.velocity_limit,
-                torque_limit=joint.torque_limit,
+                position_limits=(_known(joint.position_limits[0]), _known(joint.position_limits[1])),
+                velocity_limit=_known(joint.velocity_limit),
+                torque_limit=_known(joint.torque_limit),
             )
             for joint in arm.joints
         ],
     )
+
+
+def _known(limit: float) -> float | None:
+    return limit if isfinite(limit) else None
 
 
 @router.get("/v1/scene", summary="The arm in its cell")

@@ -92,8 +92,8 @@ def _show(robot: Robot) -> None:
         joints.add_row(
             joint.name,
             f"{low:g} to {high:g}" if isfinite(low) else "endless",
-            f"{degrees(joint.velocity_limit):g}",
-            f"{joint.torque_limit:g}",
+            f"{degrees(joint.velocity_limit):g}" if isfinite(joint.velocity_limit) else "unknown",
+            f"{joint.torque_limit:g}" if isfinite(joint.torque_limit) else "unknown",
             "unknown" if joint.torque_constant is None else f"{joint.torque_constant:g}",
         )
     console.print(joints)

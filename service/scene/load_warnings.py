@@ -1,6 +1,7 @@
 """Warnings of a scene whose numbers are possible but not those of its arm; limits are the arm's data."""
 
 from collections.abc import Iterator
+from math import isfinite
 
 import numpy as np
 
@@ -88,7 +89,8 @@ def _drives(scene: Scene) -> Iterator[str]:
     if sensor is None:
         return
     limits = np.array([joint.torque_limit for joint in joints])
-    speeds = np.array([joint.velocity_limit for joint in joints])
+    # Nothing follows from a speed that is not known.
+    speeds = np.array([joint.velocity_limit if isfinite(joint.velocity_limit) else 0.0 for joint in joints])
     rotors = sensor.rotor_inertia or tuple(joint.rotor_inertia for joint in joints)
     torques = {
         "noise": ("a noise", per_joint(sensor.noise, len(joints))),

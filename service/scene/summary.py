@@ -9,6 +9,7 @@ import numpy as np
 from contactsense.localization.surface_samples import sample_surface
 from contactsense.plausibility.largest_reading import (
     RAMP_TIME,
+    joints_of_unknown_speed,
     largest_reading_at_rest,
     largest_reading_in_motion,
 )
@@ -81,6 +82,7 @@ def as_plain(scene: Scene, q: np.ndarray) -> dict[str, Any]:
     """What was understood as plain data, for a program; SI units, base axes unless stated otherwise."""
     weight = ArmWeight(scene)
     sensor = scene.base_wrench
+    moving = None if sensor is None else largest_reading_in_motion(scene, "base_wrench")
     return {
         "scene": scene.model_dump(mode="json"),
         "links": list(scene.link_names),
@@ -96,9 +98,7 @@ def as_plain(scene: Scene, q: np.ndarray) -> dict[str, Any]:
         "largest_base_reading_at_rest": None
         if sensor is None
         else largest_reading_at_rest(scene, sensor).tolist(),
-        "largest_base_reading_in_motion": (
-            None if sensor is None else largest_reading_in_motion(scene, "base_wrench").tolist()
-        ),
+        "largest_base_reading_in_motion": None if moving is None else moving.tolist(),
         "warnings": list(scene_warnings(scene)),
     }
 
@@ -139,6 +139,8 @@ def _range_warnings(scene: Scene, field: str, sensor: WrenchSensor | None, carri
         return
     at_rest = largest_reading_at_rest(scene, sensor) if field == "base_wrench" else np.zeros(6)
     moving = largest_reading_in_motion(scene, field)
+    if moving is None:
+        moving = np.zeros(6)
     units = ("N",) * 3 + ("Nm",) * 3
     for name, rest, motion, limit, unit in zip(
         COMPONENTS, at_rest, moving, sensor.limits, units, strict=True
@@ -209,6 +211,9 @@ def _base_sensor(scene: Scene, weight: ArmWeight, q: np.ndarray) -> tuple[Line, 
 def _in_motion(scene: Scene, field: str) -> str:
     """What the range of a sensor must exceed."""
     largest = largest_reading_in_motion(scene, field)
+    if largest is None:
+        names = ", ".join(joints_of_unknown_speed(scene.robot))
+        return f"in motion not known: the arm's description has no largest speed of {names}"
     return (
         f"in motion up to {largest[:3].max():.3g} N, {largest[3:].max():.3g} Nm on one axis (every joint at "
         f"full speed, reached or left within {RAMP_TIME:g} s); contacts come on top"

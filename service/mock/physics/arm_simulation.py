@@ -8,6 +8,7 @@ import numpy as np
 from contactsense.robots import Robot
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.tool import Tool
+from contactsense.robots.torque_scale import torque_scales
 from contactsense.service.mock.obstacles import Obstacle
 from contactsense.service.mock.physics import bodies as arrays
 from contactsense.service.mock.physics.dynamics_kernels import scratch
@@ -84,7 +85,7 @@ class ArmSimulation:
         self._surfaces = arrays.surfaces(self.robot)
         self._obstacles = arrays.obstacle_arrays(obstacles)
         limit = np.array([joint.torque_limit for joint in robot.joints])
-        self._servo = Servo(SERVO_STIFFNESS * limit, limit)
+        self._servo = Servo(SERVO_STIFFNESS * torque_scales(robot), limit)
         self._fall = np.array(gravity, dtype=float)
         links = len(self.robot.links)
         start = np.array(q, dtype=float)

@@ -12,6 +12,7 @@ from contactsense.robots.tool import Tool
 from contactsense.sensors.settings import Friction
 from tests.plain_arm import plain_ur5e
 from tests.shared import shared
+from tests.unknown_limits import without_limits
 
 CENTER = np.array([0.0, -1.3, 1.5, -1.0, 0.8, 0.0])
 FRICTION = Friction(
@@ -52,6 +53,18 @@ def found() -> Calibration:
         widths=False,
     )
     return calibrate(SEARCHED, [simulate(TRUTH, _motion(), 1, 250.0)], settings)
+
+
+def test_limits_that_are_not_known_change_little() -> None:
+    """They are only the size of what is expected, which a motion of all joints outweighs."""
+    recording = simulate(TRUTH, _motion(8.0), 1, 250.0)
+    settings = Settings(("bias", "coulomb", "viscous", "rotor"), widths=False)
+    scene = TRUTH.model_copy(update={"joint_torque": SEARCHED.joint_torque})
+    unknown = scene.model_copy(update={"robot": without_limits(scene.robot)})
+    known, other = (calibrate(given, [recording], settings).values for given in (scene, unknown))
+    for one, two in zip(known, other, strict=True):
+        assert two.after == pytest.approx(one.after, abs=0.1 * one.std)
+        assert two.std == pytest.approx(one.std, rel=0.1)
 
 
 def test_estimates_are_within_their_uncertainty(found: Calibration) -> None:

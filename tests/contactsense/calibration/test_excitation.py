@@ -17,6 +17,7 @@ from contactsense.calibration.parameters import value
 from contactsense.robots.tool import Tool
 from contactsense.sensors.settings import Friction
 from tests.plain_arm import plain_ur5e
+from tests.unknown_limits import without_limits
 
 SEARCHED = Scene(
     robot=plain_ur5e(), joint_torque=JointTorqueSensor(friction=Friction(velocity=0.05), noise=0.5)
@@ -108,6 +109,14 @@ def test_it_keeps_a_distance_from_narrow_position_limits() -> None:
     q, _, _ = found.motion.at(np.arange(0.0, 8.0, 0.01))
     assert (q > low + 0.049).all()
     assert (q < high - 0.049).all()
+
+
+def test_a_joint_whose_largest_speed_is_not_known_is_named() -> None:
+    robot = without_limits(SEARCHED.robot)
+    robot = replace(robot, joints=(*SEARCHED.robot.joints[:5], robot.joints[5]))
+    scene = SEARCHED.model_copy(update={"robot": robot})
+    with pytest.raises(CalibrationError, match=r"largest speed of each joint, .* none of wrist_3_joint: add"):
+        propose_excitation(scene, SETTINGS)
 
 
 def test_clearance_includes_the_table_and_self_collision() -> None:

@@ -22,6 +22,7 @@ from contactsense.setup_check.setup import BASE, Free, Setup
 from contactsense.setup_check.signal_findings import velocity_finding
 from contactsense.setup_check.unexplained import unexplained_signals
 from tests.shared import shared
+from tests.unknown_limits import without_limits
 
 DRAWN = Settings(seconds=12.0)
 USUAL = ("tool mass wrong by 0.5 to 2 kg", "velocities zero, or in degrees")
@@ -75,6 +76,13 @@ def test_a_right_setup_fits_and_the_proposed_value_is_the_true_one() -> None:
     (item,) = check(wrong, [right.recording]).wrong
     assert item.proposed == f"[{round(roll, 4):g}, {round(pitch, 4):g}, {round(yaw, 4):g}]"
     assert item.remark == "opposite sign"
+
+
+@pytest.mark.slow
+def test_an_arm_whose_limits_are_not_known_can_be_checked() -> None:
+    right = right_setup("ur5e", 1, DRAWN)
+    unknown = right.scene.model_copy(update={"robot": without_limits(right.scene.robot)})
+    assert check(unknown, [right.recording]).fits
 
 
 @pytest.mark.long

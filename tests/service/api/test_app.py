@@ -57,6 +57,9 @@ def test_robot_and_scene(idle: httpx.Client) -> None:
     assert robot["name"] == "ur5e"
     assert robot["mass"] == pytest.approx(21.7)
     assert len(robot["links"]) == len(robot["joints"]) + 1
+    # JSON has no infinity: a limit that a joint does not have is null, as the description says.
+    joint = idle.get("/openapi.json").json()["components"]["schemas"]["JointOut"]["properties"]
+    assert all({"type": "null"} in joint[name]["anyOf"] for name in ("velocity_limit", "torque_limit"))
     scene = idle.get("/v1/scene").json()
     assert scene["links"] == [link["name"] for link in robot["links"]]
     assert scene["gravity_base"] == [0.0, 0.0, -9.81]

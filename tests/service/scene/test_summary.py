@@ -12,7 +12,7 @@ from contactsense.plausibility.largest_reading import largest_reading_at_rest
 from contactsense.robots.robot import NO_MASS
 from contactsense.robots.tool import Tool
 from contactsense.scene_model.arm_weight import ArmWeight
-from contactsense.sensors.settings import LinkInertia
+from contactsense.sensors.settings import Friction, LinkInertia
 from contactsense.service.drawing.palette import link_colour, rgb
 from contactsense.service.drawing.posture import usual_posture
 from contactsense.service.scene.picture import draw_scene
@@ -25,6 +25,7 @@ from contactsense.service.scene.summary import (
     summarize,
 )
 from tests.plain_arm import plain_ur5e
+from tests.unknown_limits import without_limits
 
 Q = usual_posture(robots.load("ur5e"))
 
@@ -128,6 +129,18 @@ def test_what_the_range_of_each_sensor_must_exceed_is_said_where_none_is_stated(
         ranged = scene.model_copy(update={**update, "link_wrenches": (update["link_wrenches"],)})
         fields = {text.split(".range")[0] for text in scene_warnings(ranged) if ".range: " in text}
         assert len(fields) == warned
+
+
+def test_nothing_follows_from_speeds_that_are_not_known() -> None:
+    torque = JointTorqueSensor(friction=Friction(viscous=1.0), rotor_inertia=(1.0,) * 6)
+    base = WrenchSensor(range=(2000.0, 1000.0))
+    scene = Scene(robot=without_limits(plain_ur5e()), joint_torque=torque, base_wrench=base)
+    assert "in motion not known: the arm's description has no largest speed of shoulder_pan" in _text(scene)
+    assert as_plain(scene, Q)["largest_base_reading_in_motion"] is None
+    assert scene_warnings(scene) == ()
+    # The weight alone is told as before.
+    weak = scene.model_copy(update={"base_wrench": WrenchSensor(range=(100.0, 1000.0))})
+    assert "weight reaches, got 100 N" in scene_warnings(weak)[0]
 
 
 def test_a_wrist_range_that_the_tool_exceeds_is_warned_of() -> None:

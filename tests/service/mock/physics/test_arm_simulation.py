@@ -11,6 +11,7 @@ from contactsense.service.mock.obstacles import BoxObstacle
 from contactsense.service.mock.physics.arm_simulation import STEP, ArmSimulation, Push
 from contactsense.service.mock.physics.bodies import with_tool
 from tests.oracles.pinocchio_arm import PinocchioArm
+from tests.unknown_limits import without_limits
 
 ARM = robots.load("ur5e")
 HOME = np.array([0.3, -1.3, 1.6, -1.9, -1.57, 0.0])
@@ -207,6 +208,13 @@ def test_a_drive_at_its_limit_yields():
     assert abs(simulation.q[5] - HOME[5]) > 0.02
     limits = np.array([joint.torque_limit for joint in ARM.joints])
     assert np.all(np.abs(simulation.torque) <= limits + 1e-6)
+
+
+def test_an_arm_whose_limits_are_not_known_keeps_its_posture():
+    simulation = ArmSimulation(without_limits(ARM), HOME)
+    for _ in range(300):
+        simulation.step(still(HOME), [])
+    np.testing.assert_allclose(simulation.q, HOME, atol=1e-4)
 
 
 def test_friction_opposes_sliding():
