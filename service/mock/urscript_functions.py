@@ -154,7 +154,9 @@ def check_arguments(function: str, given: Sequence[Any], named: Mapping[str, Any
     by_name = dict(zip(names, given, strict=False))
     for name in named:
         if name not in names:
-            raise ValueError(f"{function}: expected arguments out of {', '.join(names)}, got {name}")
+            raise ValueError(
+                f"{function}: expected arguments out of {', '.join(names) or 'none'}, got {name}"
+            )
         if name in by_name:
             raise ValueError(f"{function}: {name}: expected one value, got two")
     by_name |= named

@@ -61,6 +61,7 @@ def test_the_script_of_ur_rtde_names_its_registers(offset):
         ("movej([0, 0, 0, 0, 0, '1'])", "movej: q: expected a number, got '1'"),
         ("movej([0, 0, 0, 0, 0, 0], v=0)", "movej: v: expected a number above 0, got 0"),
         ("movej([0, 0, 0, 0, 0, 0], speed=1)", "movej: expected arguments out of q, a, v, t, r, got speed"),
+        ("sync(t=1)", "sync: expected arguments out of none, got t"),
         ("stopj(0)", "stopj: a: expected a number above 0, got 0"),
         ("stopj(True)", "stopj: a: expected a number, got True"),
         ("stopj(1, 2)", "stopj: expected at most 1 arguments, got 2"),
