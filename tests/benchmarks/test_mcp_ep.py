@@ -10,6 +10,8 @@ from contactsense.benchmarks.peers.one_by_one import OneByOne
 from contactsense.benchmarks.peers.touches import Toucher, Touches
 from contactsense.benchmarks.torque_only import shares, touched
 
+pytestmark = pytest.mark.slow  # its kernels compile for long
+
 NONE = Noise(0.0, 0.0, 0.0)
 
 
@@ -82,7 +84,6 @@ def test_contacts_are_added_one_after_another_on_different_links(touches: Touche
     assert (touches.link > 0).all(), "the base link cannot be touched"
 
 
-@pytest.mark.slow
 def test_ours_estimates_contacts_one_after_another(touches: Touches) -> None:
     measured = sequence(touches, NONE, seed=0)
     found, seconds = OneByOne(scene_of("ur5e", NONE), 2, 0.5).follow(touches.q, *measured)

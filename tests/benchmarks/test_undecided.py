@@ -10,6 +10,8 @@ from contactsense.benchmarks.multi_contact.perfect_search import Oracle
 from contactsense.benchmarks.peers.touches import Toucher
 from contactsense.benchmarks.undecided import judge
 
+pytestmark = pytest.mark.slow  # its kernels compile for long
+
 NONE = Noise(0.0, 0.0, 0.0)
 
 

@@ -11,6 +11,7 @@ from contactsense.service.mock.script import Script
 from contactsense.service.mock.simulated_arm import simulate
 
 
+@pytest.mark.slow
 def test_it_reads_what_the_simulated_arm_reads_at_rest() -> None:
     script = Script.demo()
     quiet = script.model_copy(

@@ -98,6 +98,7 @@ def test_the_iteration_of_table_3_had_not_converged_in_its_third_row() -> None:
         np.testing.assert_allclose(found.centroid, reference.centroid, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_the_command_prints_them() -> None:
     shown = CliRunner().invoke(paper)
     assert shown.exit_code == 0

@@ -110,6 +110,7 @@ def test_an_arm_at_rest_weighs_on_its_base_along_gravity(
         q, np.zeros(6), np.zeros(6))[0], atol=1e-10)  # fmt: skip
 
 
+@pytest.mark.slow
 def test_kernels_run_uncompiled_with_the_same_result() -> None:
     program = """
 import numpy as np, robots

@@ -60,6 +60,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made
 
 
+@pytest.mark.slow
 def test_a_scene_is_calibrated_and_written(folder: Path) -> None:
     files = [str(folder / "free.csv"), "--scene", str(folder / "scene.yaml")]
     where = ["--out", str(folder / "new.yaml"), "--report", str(folder / "report")]

@@ -321,6 +321,7 @@ def test_a_child_that_does_not_come_up_is_told_with_its_last_words() -> None:
         failing.wait_for("serving at ")
 
 
+@pytest.mark.slow
 def test_a_child_is_gone_after_its_context() -> None:
     with child("mock", "--rtde-port", "0", "--ft-port", "0", "--ft-http-port", "0") as mock:
         mock.wait_for("mock arm at ")

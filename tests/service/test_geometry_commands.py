@@ -55,6 +55,7 @@ def test_robots_shows_one() -> None:
     assert "10.7" in table
 
 
+@pytest.mark.slow
 def test_robots_draws_one(tmp_path: Path) -> None:
     picture = tmp_path / "arm.png"
     result = call("robots", "ur5e", "--picture", str(picture), "--posture", "0,-90,90,0,30,0")

@@ -101,6 +101,7 @@ def play() -> Iterator[Play]:
             yield found
 
 
+@pytest.mark.slow
 def test_contacts_are_found_over_the_wire(play: Play) -> None:
     """Judged are the estimates of samples with all readings: a host that stands still loses some of them, and
     the script is watched until there are enough."""
@@ -165,6 +166,7 @@ def test_a_robot_that_fails_is_told_of_and_found_again(play: Play, fault: Fault)
     assert play.contacts(200)
 
 
+@pytest.mark.slow
 def test_a_mute_force_torque_sensor_is_told_of_and_the_rest_goes_on(play: Play) -> None:
     play.servers.netft.mute = True
     try:
@@ -180,6 +182,7 @@ def test_a_mute_force_torque_sensor_is_told_of_and_the_rest_goes_on(play: Play) 
     play.until(lambda health: health.status == "ok")
 
 
+@pytest.mark.slow
 def test_numbers_that_are_none_do_no_harm(play: Play) -> None:
     play.servers.rtde.fault = Fault.NAN
     try:

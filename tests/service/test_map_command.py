@@ -28,6 +28,7 @@ def scenes(tmp_path: Path) -> tuple[str, str]:
     return str(base), str(torques)
 
 
+@pytest.mark.slow
 def test_a_table_by_link(scenes: tuple[str, str]) -> None:
     result = call(scenes[1], *POSTURE)
     assert result.exit_code == 0, result.output
@@ -51,6 +52,7 @@ def test_two_scenes_side_by_side(scenes: tuple[str, str]) -> None:
     assert float(with_base) < 0.2 * float(without)
 
 
+@pytest.mark.slow
 def test_the_table_of_the_page(tmp_path: Path) -> None:
     """It changes with the surface of the arm. Other processors may round the last digit otherwise."""
     page = (Path(__file__).parents[2] / "docs" / "map.md").read_text(encoding="utf-8")

@@ -142,6 +142,7 @@ def test_check_explains_and_replays(tmp_path: Path) -> None:
     assert fired["link"] == "forearm"
 
 
+@pytest.mark.slow
 def test_check_does_not_say_that_nothing_fires_in_a_recording_that_cannot_be_used(tmp_path: Path) -> None:
     motion = simulate(SCRIPT)
     columns = {"time": 1000.0 * motion.t[:500]}

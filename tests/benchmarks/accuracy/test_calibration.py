@@ -177,6 +177,7 @@ def test_an_estimate_is_judged_by_link_place_and_region() -> None:
     assert verdict([], links, 1, np.zeros(3)) is None
 
 
+@pytest.mark.slow
 def test_truths_drawn_from_overlapping_candidates_are_judged_as_often_as_expected() -> None:
     """The truth of one may be nearer to the other, so even true probabilities show a difference."""
     contacts = [contact(0.8, (0, 0, 0)), contact(0.2, (0.015, 0, 0))]

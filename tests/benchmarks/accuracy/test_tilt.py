@@ -39,6 +39,7 @@ def test_the_force_is_in_the_friction_cone_of_the_real_normal() -> None:
     assert np.median(found.tilt) < 3.0
 
 
+@pytest.mark.slow
 def test_every_exact_contact_has_an_answer() -> None:
     """Also those whose force is tangential to the primitive, or pulls on it."""
     folder = str(shared("truth"))

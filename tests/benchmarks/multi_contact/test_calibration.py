@@ -14,6 +14,8 @@ from contactsense.benchmarks.multi_contact.calibration_summary import summarize
 from contactsense.benchmarks.multi_contact.calibration_verdict import Verdict, verdict
 from contactsense.benchmarks.multi_contact.measure import localizer_for
 
+pytestmark = pytest.mark.slow  # its kernels compile for long
+
 SPREAD = 0.004
 NORMAL = np.array([0.0, 0.0, 1.0])
 
@@ -64,7 +66,6 @@ def test_the_nearest_explanation_is_the_true_one() -> None:
     assert verdict((near, SETS[0]), np.array([2, 4]), points, True).answer[1]
 
 
-@pytest.mark.slow
 def test_sensors_and_the_change_of_held_forces_can_be_chosen() -> None:
     scene = localizer_for("ur5e", Noise(0.05, 0.01, 0.3), sensors="torques").scene
     assert scene.base_wrench is None

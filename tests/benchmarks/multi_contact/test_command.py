@@ -10,6 +10,8 @@ from contactsense.benchmarks.multi_contact.stream import FIRST, SECOND, measure_
 from contactsense.benchmarks.multi_contact.trials import MIN_SEPARATION, Trials
 from tests.plain_arm import plain_ur5e
 
+pytestmark = pytest.mark.slow  # its kernels compile for long
+
 SCENE = Scene(robot=plain_ur5e())
 
 

@@ -19,6 +19,7 @@ def least(A: np.ndarray, b: np.ndarray) -> tuple[float, np.ndarray]:
     return solve(G, h, b @ b, count, x, *scratch), x
 
 
+@pytest.mark.slow
 @settings(max_examples=300)
 @given(seed=seeds, contacts=st.integers(1, 3), rows=st.integers(1, 13), dependent=st.booleans())
 def test_as_good_as_scipy(seed: int, contacts: int, rows: int, dependent: bool) -> None:
@@ -32,6 +33,7 @@ def test_as_good_as_scipy(seed: int, contacts: int, rows: int, dependent: bool) 
     assert cost == pytest.approx(nnls(A.T, b)[1] ** 2, abs=1e-8 * (b @ b))
 
 
+@pytest.mark.slow
 @settings(max_examples=100)
 @given(seed=seeds)
 def test_pyramid_holds_the_cone(seed: int) -> None:

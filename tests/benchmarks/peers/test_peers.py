@@ -63,6 +63,7 @@ def test_exact_contacts_need_a_base_sensor() -> None:
         ExactContact(scene(base=False), closed_form=True)
 
 
+@pytest.mark.slow
 def test_force_line_is_right_where_the_last_joint_is_loaded(touches: Touches) -> None:
     found = answers(ForceLine(scene()), touches)
     right = found.link == touches.link[:, 0]
@@ -70,6 +71,7 @@ def test_force_line_is_right_where_the_last_joint_is_loaded(touches: Touches) ->
     assert np.median(errors(found, touches)[right]) < 1e-4
 
 
+@pytest.mark.slow
 def test_force_line_takes_the_link_before_a_joint_that_feels_nothing() -> None:
     """A force through the axis of the last joint before the touched link loads it with nothing: the rule's
     known blind spot."""
@@ -167,6 +169,7 @@ def test_torque_samples_refuse_a_base_sensor() -> None:
         TorqueSamples(scene())
 
 
+@pytest.mark.slow
 def test_contacts_are_on_the_surface_and_push(touches: Touches) -> None:
     push = np.einsum("nki,nki->nk", touches.force_base, touches.normal_base)
     np.testing.assert_allclose(np.linalg.norm(touches.force_base, axis=-1), 20.0)

@@ -26,6 +26,8 @@ from contactsense.localization.surface_samples import surface_patches
 from contactsense.scene_model.constants import build_constants
 from tests.shared import shared
 
+pytestmark = pytest.mark.slow  # its kernels compile for long
+
 
 def case_at_random(seed: int, sharp: bool) -> tuple[np.ndarray, ...]:
     """Information, wrench, place, normal, taken force: a push with friction and torsion, measured or not."""

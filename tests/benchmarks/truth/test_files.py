@@ -53,6 +53,7 @@ def on_facets(arm: Arm, link: np.ndarray, point: np.ndarray, normal: np.ndarray)
     return distance
 
 
+@pytest.mark.slow
 def test_static_contacts_lie_on_the_meshes(arm: Arm, static: Arrays) -> None:
     assert set(static["link"]) == set(range(7))
     some = slice(None, None, 3)
@@ -84,6 +85,7 @@ def test_inputs_are_on_their_grids(static: Arrays) -> None:
         assert (static[name] / step == np.round(static[name] / step)).all(), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suite", ["static_points", "motion"])
 def test_arrays_are_those_of_the_given_files(static: Arrays, moving: Arrays, suite: str) -> None:
     given, made = truth(f"{suite}_ur5e.npz"), static if suite == "static_points" else moving
@@ -92,6 +94,7 @@ def test_arrays_are_those_of_the_given_files(static: Arrays, moving: Arrays, sui
         assert (given[name].dtype, given[name].shape[1:]) == (made[name].dtype, made[name].shape[1:]), name
 
 
+@pytest.mark.slow
 def test_the_benchmarks_read_them(static: Arrays, moving: Arrays, tmp_path: Path) -> None:
     arrays.write(tmp_path / "static_points_ur5e.npz", static)
     arrays.write(tmp_path / "motion_ur5e.npz", moving)

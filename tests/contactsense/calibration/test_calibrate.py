@@ -55,6 +55,7 @@ def found() -> Calibration:
     return calibrate(SEARCHED, [simulate(TRUTH, _motion(), 1, 250.0)], settings)
 
 
+@pytest.mark.slow
 def test_limits_that_are_not_known_change_little() -> None:
     """They are only the size of what is expected, which a motion of all joints outweighs."""
     recording = simulate(TRUTH, _motion(8.0), 1, 250.0)
@@ -67,6 +68,7 @@ def test_limits_that_are_not_known_change_little() -> None:
         assert two.std == pytest.approx(one.std, rel=0.1)
 
 
+@pytest.mark.slow
 def test_estimates_are_within_their_uncertainty(found: Calibration) -> None:
     truth = {
         "coulomb": FRICTION.coulomb,
@@ -90,6 +92,7 @@ def test_estimates_are_within_their_uncertainty(found: Calibration) -> None:
     assert np.mean(np.square(scores)) < 2.0
 
 
+@pytest.mark.slow
 def test_its_scene_explains_the_recording(found: Calibration) -> None:
     assert np.all(found.after.rms < 0.2 * found.before.rms)
     np.testing.assert_allclose(found.scene.gravity_base, TRUTH.gravity_base, atol=0.02)

@@ -81,6 +81,7 @@ def test_a_calibration_from_it_identifies_all_that_was_promised(proposal: Propos
     assert np.max(np.abs(usual)) < 4.0
 
 
+@pytest.mark.slow
 def test_it_respects_limits_and_clearance(proposal: Proposal) -> None:
     t = np.arange(0.0, SETTINGS.seconds, 0.02)
     q, qd, _ = proposal.motion.at(t)

@@ -70,6 +70,7 @@ def test_every_estimated_link_is_a_body(calibrated: tuple[Scene, FreeMotion, Cal
         assert moments[2] <= moments[0] + moments[1]
 
 
+@pytest.mark.slow
 def test_the_fit_is_hardly_worse(calibrated: tuple[Scene, FreeMotion, Calibration]) -> None:
     scene, recording, found = calibrated
     worse = found.after.rms / found.unconstrained.rms

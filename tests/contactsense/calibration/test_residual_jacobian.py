@@ -67,6 +67,7 @@ def test_readings_without_noise_change_with_the_delay_by_the_derivative() -> Non
             assert np.abs(row.slope).max() < 1.1 * np.abs(expected).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "group",
     ["links", "payload", "bias", "coulomb", "viscous", "rotor", "turn", "shift", "tilt", "wrench_bias"],

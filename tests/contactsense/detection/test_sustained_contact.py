@@ -34,6 +34,7 @@ def touched(localizer: Localizer, push: np.ndarray, seed: int) -> np.ndarray:
     return np.asarray(found.phase != NONE)
 
 
+@pytest.mark.slow
 def test_the_average_shows_a_weak_contact_that_no_sample_shows(localizer: Localizer) -> None:
     thresholds = localizer._buffers.constants.thresholds
     detected = []
@@ -59,6 +60,7 @@ def test_a_strong_contact_ends_as_soon_as_its_samples_show(localizer: Localizer)
         assert not found[T > ENDS + 0.1].any()
 
 
+@pytest.mark.slow
 def test_a_contact_that_becomes_weak_is_found_again(localizer: Localizer) -> None:
     push = PUSH * np.where(T < BEGINS + 0.3, STRONG, WEAK)
     found = [touched(localizer, push, seed) for seed in range(20)]

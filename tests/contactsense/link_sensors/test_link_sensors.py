@@ -24,6 +24,8 @@ from tests.contactsense.link_sensors.truth import (
 )
 from tests.plain_arm import Truth, contacts
 
+pytestmark = pytest.mark.slow  # its kernels compile for long
+
 FIELD = "link_wrenches.forearm"
 ALL = Scene(robot=ARM, base_wrench=BASE, joint_torque=TORQUE, link_wrenches=(SENSOR,), bandwidth=20.0)
 WITHOUT_BASE = ALL.model_copy(update={"base_wrench": None})

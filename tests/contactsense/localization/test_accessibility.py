@@ -61,6 +61,7 @@ def _monte_carlo(
     return total / TRIALS, mean / total
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sample", range(0, 480, 24))
 @pytest.mark.parametrize("root", [np.diag([0.002, 0.002]), np.array([[0.012, 0.0], [0.008, 0.003]])])
 def test_share_and_mean_agree_with_monte_carlo(

@@ -59,6 +59,7 @@ def test_a_pulled_cell_is_excluded() -> None:
     np.testing.assert_array_equal(_excluded(block), np.cos(angle) > PULL_SHARE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tilt", [0.0, 0.3])
 def test_the_bound_is_below_the_energy_of_the_best_contact_in_a_cell(tilt: float) -> None:
     rng = np.random.default_rng(3)

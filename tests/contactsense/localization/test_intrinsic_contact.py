@@ -9,6 +9,8 @@ from contactsense.sample_blocks import SampleBlock
 from contactsense.solvers import Box, Status, solve
 from tests.plain_arm import contacts, plain_ur5e
 
+pytestmark = pytest.mark.slow  # its kernels compile for long
+
 ARM = plain_ur5e()
 PRECISE = Scene(
     robot=ARM,

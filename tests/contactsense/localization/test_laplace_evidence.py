@@ -81,6 +81,7 @@ def draws() -> np.ndarray:
     return _draw_from_prior(np.random.default_rng(0), 1_000_000)[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [(3.0, 1.0), (6.0, 2.0)])
 def test_the_evidence_agrees_with_monte_carlo_integration(
     draws: np.ndarray, noise: tuple[float, float]

@@ -76,6 +76,7 @@ def _scores_of_all(localizer: Localizer) -> np.ndarray:
     return scores
 
 
+@pytest.mark.slow
 def test_no_candidate_that_counts_is_left_out(localizer: Localizer) -> None:
     constants, state = localizer._buffers.constants, localizer._buffers.state
     for q, wrench, torque in zip(TRUTH.q, TRUTH.base_wrench, TRUTH.torque, strict=True):
@@ -91,6 +92,7 @@ def test_no_candidate_that_counts_is_left_out(localizer: Localizer) -> None:
         np.testing.assert_allclose(np.exp(found - best), np.exp(expected - best), atol=0.02)
 
 
+@pytest.mark.slow
 def test_each_primitive_is_searched_once_if_none_can_be_touched(localizer: Localizer) -> None:
     constants, state = localizer._buffers.constants, localizer._buffers.state
     for q, wrench, torque in zip(TRUTH.q, TRUTH.base_wrench, TRUTH.torque, strict=True):

@@ -50,6 +50,7 @@ def test_the_threshold_is_99_percent_of_two_coordinates() -> None:
     assert pytest.approx(chi2.ppf(0.99, 2), abs=5e-4) == SIGNIFICANT_DISTANCE
 
 
+@pytest.mark.slow
 @settings(max_examples=200)
 @given(seed=st.integers(0, 2**32 - 1), count=st.integers(1, 8))
 def test_what_remains_is_the_mixture_with_its_moments(seed: int, count: int) -> None:

@@ -37,6 +37,7 @@ def _best_scores(localizer: Localizer) -> tuple[float, float]:
     return along_line, float(candidates.score[rows].max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", [plain_ur5e(), "ur5e"], ids=["plain", "library"])
 def test_it_finds_the_mode_that_the_search_along_the_line_finds(robot: robots.Robot | str) -> None:
     localizer = _localizer(robot)

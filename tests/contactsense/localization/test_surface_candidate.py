@@ -51,6 +51,7 @@ def located(truth: Truth, noise: float, surface_error: float) -> list[tuple[int,
     return found
 
 
+@pytest.mark.slow
 def test_noise_leaves_a_place_as_open_as_stated_along_each_tangent(truth: Truth) -> None:
     """Torques seldom leave both tangents open alike."""
     inside = []
@@ -63,6 +64,7 @@ def test_noise_leaves_a_place_as_open_as_stated_along_each_tangent(truth: Truth)
     assert np.mean(inside) == pytest.approx(0.9, abs=0.05)
 
 
+@pytest.mark.slow
 def test_the_surface_leaves_a_place_as_open_as_stated_along_the_tangential_force(truth: Truth) -> None:
     """What the surface is off along the normal moves the place of a slanted force: without noise, by more
     than anything else."""

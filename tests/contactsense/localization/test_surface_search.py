@@ -78,6 +78,7 @@ def test_a_pure_moment_is_handled_without_warnings() -> None:
     assert np.isfinite(estimate.link_probability).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("above", "fewer"), [(0.0, False), (20.0, True)])
 def test_only_what_is_hopeless_beside_something_else_is_not_evaluated(above: float, fewer: bool) -> None:
     scene = Scene(

@@ -110,6 +110,7 @@ def _steepness(angle: np.ndarray | float) -> np.ndarray:
     return np.exp(-0.5 * np.square(angle / STEEP_TILT))
 
 
+@pytest.mark.slow
 def test_the_evidence_is_that_of_the_samples(localizer: Localizer) -> None:
     """Sum over all samples of a link, against that of the normal variable of the same moments; and all
     candidates are on the line of action."""

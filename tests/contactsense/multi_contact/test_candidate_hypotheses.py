@@ -11,6 +11,8 @@ from contactsense.runtime.answer import COUNT
 from contactsense.runtime.state import State, empty_state
 from contactsense.scene_model.constants import build_constants
 
+pytestmark = pytest.mark.slow  # its kernels compile for long
+
 CONSTANTS = build_constants(Scene(robot="ur5e"))
 
 

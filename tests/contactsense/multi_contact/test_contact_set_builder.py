@@ -14,6 +14,8 @@ from contactsense.runtime.result_rows import COVARIANCE, LINK, POINT_BASE, PROBA
 from contactsense.runtime.state import empty_state
 from contactsense.scene_model.constants import build_constants
 
+pytestmark = pytest.mark.slow  # its kernels compile for long
+
 COUNTS = np.array([1, 2, 3, 2, 2])
 STATED = np.array([0.3, 0.25, 0.2, 0.15, 0.1])
 

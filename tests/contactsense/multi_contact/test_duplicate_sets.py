@@ -10,6 +10,8 @@ from contactsense.multi_contact.buffers import Explanations
 from contactsense.multi_contact.ranked_sets import order_distinct
 from contactsense.robots.jit.flat_buffers import zeros
 
+pytestmark = pytest.mark.slow  # its kernels compile for long
+
 NEAR = 0.01
 """Places within this distance are one [m]."""
 A, B, C = 0.0, 0.1, 0.2

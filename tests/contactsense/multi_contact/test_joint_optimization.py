@@ -35,6 +35,8 @@ from contactsense.robots.surface.convex_primitives import project
 from contactsense.solvers.posterior.contact_prior import STUDENT_DOF
 from tests.contactsense.multi_contact.smooth_arm import NOTHING_KNOWN, SCENE, SHAPES, Case, empty_case, take
 
+pytestmark = pytest.mark.slow  # its kernels compile for long
+
 
 @pytest.fixture(scope="module")
 def case() -> Case:
@@ -132,7 +134,6 @@ def _residuals(case: Case, m: int, primitives: list[int], x: np.ndarray) -> np.n
     return np.concatenate((residual, *priors))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_the_optimum_agrees_with_scipy(case: Case, seed: int) -> None:
     trials = Trials(SCENE, seed=40 + seed)

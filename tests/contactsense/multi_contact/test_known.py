@@ -13,6 +13,8 @@ from tests.contactsense.localization.placed_arm import placed
 from tests.contactsense.multi_contact.joint_steps import JointSteps
 from tests.plain_arm import plain_ur5e_on
 
+pytestmark = pytest.mark.slow  # its kernels compile for long
+
 RADIUS = 0.09
 CENTER = np.array([0.0, 0.0, 0.05])
 NORMAL = np.array([0.0, 0.6, 0.8])

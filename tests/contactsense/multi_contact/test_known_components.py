@@ -16,6 +16,8 @@ from contactsense.robots.jit.lanes import LANES
 from contactsense.solvers.posterior.contact_prior import STUDENT_DOF, Prior
 from tests.contactsense.multi_contact.smooth_arm import Case, draw_known, empty_case
 
+pytestmark = pytest.mark.slow  # its kernels compile for long
+
 ALONG, ACROSS = 0.02, 0.01
 """Standard deviations of the known place along the surface and along its normal [m]."""
 HELD = 0.5
@@ -81,7 +83,6 @@ def _energy(x: np.ndarray, prior: Prior, y: np.ndarray, contacts: Sequence[_Fixe
     return float(total + 0.5 * y @ y)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("count", [1, 2])
 def test_forces_are_those_which_the_earlier_sample_measured_there(case: Case, count: int) -> None:
     """The sample that the stated contacts predict, with the places given, is solved by a general

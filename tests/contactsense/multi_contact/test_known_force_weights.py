@@ -28,6 +28,8 @@ from contactsense.solvers.posterior.contact_prior import STUDENT_DOF
 from tests.contactsense.multi_contact.random_measurement import ROWS, model_of, random_measurement
 from tests.shared import shared
 
+pytestmark = pytest.mark.slow  # its kernels compile for long
+
 FRICTION_RATIO = 0.35
 FORCE = 20.0
 LINK = 4
@@ -167,7 +169,6 @@ def test_a_pull_is_impossible() -> None:
     assert prior_ratio(0.0, 1.0, 0.0) == 0.0
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("robot", ["ur5e", pytest.param("ur10e", marks=pytest.mark.long)])
 def test_an_answer_is_right_as_often_as_it_states(robot: str) -> None:
     """With much noise, explanations in which the known contact pulls would share the probability."""

@@ -20,6 +20,8 @@ from tests.contactsense.localization.placed_arm import placed
 from tests.contactsense.multi_contact.joint_steps import JointSteps
 from tests.plain_arm import plain_ur5e_on
 
+pytestmark = pytest.mark.slow  # its kernels compile for long
+
 DEVIATION = 0.015
 """Standard deviation of the known place along the surface [m]."""
 

@@ -20,6 +20,8 @@ from contactsense.multi_contact.known_rows import Known, KnownRows
 from contactsense.robots.jit.lanes import LANES
 from tests.contactsense.multi_contact.smooth_arm import Case, draw_known, empty_case
 
+pytestmark = pytest.mark.slow  # its kernels compile for long
+
 PLACE, OTHER = [4, 5], [0, 1, 2, 3, 6]
 """Unknowns of a contact."""
 

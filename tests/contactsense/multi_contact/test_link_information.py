@@ -25,6 +25,8 @@ from tests.contactsense.multi_contact.random_measurement import (
     random_measurement,
 )
 
+pytestmark = pytest.mark.slow  # its kernels compile for long
+
 NORMAL, TANGENTIAL, MOMENT = 20.0, 8.0, 0.7
 """Standard deviations of the force [N] and of the moment [Nm]."""
 

@@ -23,6 +23,8 @@ from contactsense.robots.surface.convex_primitives import project
 from contactsense.scene_model.constants import build_constants
 from tests.contactsense.localization.placed_arm import placed
 
+pytestmark = pytest.mark.slow  # its kernels compile for long
+
 LANE = 3
 
 

@@ -20,6 +20,8 @@ from contactsense.benchmarks.multi_contact.trials import Push, Trial, Trials
 from contactsense.multi_contact.locator import SEVERAL_CONTACTS
 from tests.plain_arm import plain_ur5e
 
+pytestmark = pytest.mark.slow  # its kernels compile for long
+
 ARM = plain_ur5e()
 PRECISE = Scene(
     robot=ARM,

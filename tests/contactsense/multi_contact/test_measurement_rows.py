@@ -15,6 +15,8 @@ from contactsense.runtime.state import State
 from contactsense.scene_model.constants import Constants
 from tests.plain_arm import plain_ur5e
 
+pytestmark = pytest.mark.slow  # its kernels compile for long
+
 Q = np.array([0.3, -1.1, 1.4, -0.7, 0.9, 0.2])
 TOOL = Tool(name="tool", mass=0.5, primitives=(Capsule(a=(0, 0, 0.05), b=(0, 0, 0.15), radius=0.03),))
 

@@ -10,6 +10,8 @@ from contactsense.multi_contact.buffers import Explanations
 from contactsense.multi_contact.pooled_evidence import SUM_WEIGHT, PooledSets, log_of_sum, pool_link_evidence
 from contactsense.robots.jit.flat_buffers import zeros
 
+pytestmark = pytest.mark.slow  # its kernels compile for long
+
 LINKS = 4
 SURFACE_DEVIATION = 0.002
 LINK = np.arange(LINKS, dtype=np.int64)

@@ -12,6 +12,8 @@ from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.robots.vectors import tangents
 from tests.contactsense.multi_contact.random_measurement import model_of, random_measurement
 
+pytestmark = pytest.mark.slow  # its kernels compile for long
+
 SURFACE_DEVIATION = 0.002
 ALONG_NORMAL = SURFACE_DEVIATION**2
 OPTIMUM = np.diag((4e-4, 1e-4, ALONG_NORMAL))

@@ -6,6 +6,8 @@ import pytest
 from contactsense import JointTorqueSensor, Localizer, Scene, robots
 from tests.plain_arm import contacts
 
+pytestmark = pytest.mark.slow  # its kernels compile for long
+
 ARM = robots.load("ur5e")
 TRUTH = contacts(ARM, 200, seed=5)
 

@@ -9,8 +9,9 @@ from contactsense.benchmarks.multi_contact.measure import localizer_for
 from contactsense.benchmarks.multi_contact.mesh_trials import MeshTrials
 from tests.shared import shared
 
+pytestmark = pytest.mark.slow  # its kernels compile for long
 
-@pytest.mark.slow
+
 @pytest.mark.parametrize("robot", ["ur5e", pytest.param("ur10e", marks=pytest.mark.long)])
 def test_a_further_contact_is_where_its_region_says(robot: str) -> None:
     """Its place is spread along a curved surface about an optimum that is not its mean."""

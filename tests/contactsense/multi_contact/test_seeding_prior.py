@@ -9,6 +9,8 @@ from contactsense.multi_contact.known_rows import Known
 from contactsense.multi_contact.seeding_prior import initialize_seeding
 from tests.contactsense.multi_contact.random_measurement import ROWS, model_of, random_measurement
 
+pytestmark = pytest.mark.slow  # its kernels compile for long
+
 FRICTION_RATIO = 0.35
 
 

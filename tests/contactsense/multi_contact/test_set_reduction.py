@@ -10,6 +10,8 @@ from contactsense.runtime.result_rows import COVARIANCE, LINK, POINT_BASE, PRIMI
 from contactsense.runtime.state import empty_state
 from contactsense.scene_model.constants import build_constants
 
+pytestmark = pytest.mark.slow  # its kernels compile for long
+
 
 def _rows(
     links: list[list[int]], probabilities: list[float], points: list[list[list[float]]], deviation: float

@@ -34,6 +34,8 @@ from tests.contactsense.multi_contact.random_measurement import (
 )
 from tests.plain_arm import plain_ur5e
 
+pytestmark = pytest.mark.slow  # its kernels compile for long
+
 FRICTION_RATIO, FORCE_SCALE, SURFACE_DEVIATION = 0.25, 15.0, 0.002
 TANGENTIAL = RATIO_FACTOR * FRICTION_RATIO * FORCE_SCALE
 SMALL = 2.0

@@ -11,6 +11,8 @@ from tests.contactsense.multi_contact.streams import Push, stream
 from tests.plain_arm import plain_ur5e
 from tests.shared import truth
 
+pytestmark = pytest.mark.slow  # its kernels compile for long
+
 NOISE = (0.05, 0.01, 0.3)
 SCENE = Scene(
     robot=plain_ur5e(),
@@ -154,7 +156,6 @@ def test_a_slide_or_a_force_change_is_not_a_second_contact(localizer: Localizer,
         assert all(estimate.status != "multiple" for estimate in estimates)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("robot", ["ur5e", "ur10e"])
 def test_no_single_touch_of_the_meshes_is_two_contacts(robot: str) -> None:
     """Among them slides over edges, of which the primitives know nothing."""

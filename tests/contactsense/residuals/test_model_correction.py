@@ -78,6 +78,7 @@ class Arm:
         return np.concatenate([np.ravel(group.residual) for group in self.observers])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("part", "speed"),
     [(slice(0, 6), 1.0), (slice(6, 12), 1.0), (slice(12, 18), 1.0), (slice(18, 24), 0.0), (slice(24), 0.0)],
@@ -105,6 +106,7 @@ def test_the_residuals_are_those_of_the_corrected_model(part: slice, speed: floa
         np.testing.assert_allclose(corrected.residuals(), known.residuals(), atol=1e-8)
 
 
+@pytest.mark.slow
 def test_no_mass_and_no_friction_falls_below_half_at_once() -> None:
     arm = Arm(1.0)
     mass = arm.model.mass.copy()

@@ -18,6 +18,8 @@ from contactsense.service.mock.script import Script
 from contactsense.service.mock.simulated_arm import simulate
 from tests.plain_arm import plain_ur5e
 
+pytestmark = pytest.mark.slow  # its kernels compile for long
+
 PHASES = ("", "new", "hold", "slide")
 
 
@@ -106,7 +108,6 @@ def test_faults_are_flagged() -> None:
     assert np.flatnonzero(np.isnan(energy)).tolist() == [700, 800]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("changes", [{"contacts": 2}, {"picks_up": True}])
 def test_contacts_that_need_more_than_the_kernel_go_through_it_one_by_one(changes: dict[str, object]) -> None:
     _agree(

@@ -54,6 +54,7 @@ def _places(constants: Constants, state: State) -> Any:
     return generated_kernel("places", "\n".join(lines), names_used, __name__)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("links", [(), ("upper_arm", "forearm")])
 def test_every_array_is_the_same_memory_on_both_sides(links: tuple[str, ...]) -> None:
     tool = Tool(mass=1.0, primitives=(Sphere(center=(0, 0, 0.1), radius=0.02),))

@@ -50,6 +50,7 @@ def _untold(found: SetupCheck) -> set[str]:
     return {item.line for item in found.findings if item.verdict == "cannot_tell"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_wrong_line_is_named(kind: str) -> None:
     case = wrong_setup(kind, "ur5e", 1, DRAWN)
@@ -197,6 +198,7 @@ def test_a_sensor_set_to_zero_under_load_and_missing_samples_accuse_nothing(
     assert _untold(found) <= {"joint torques: order"}
 
 
+@pytest.mark.slow
 def test_predictions_agree_with_independent_dynamics() -> None:
     """Without noise and errors of the model, only the interpolation of the delay is left."""
     truth = right_setup("ur10e", 8, replace(DRAWN, inertia_error=0.0))
@@ -274,6 +276,7 @@ def test_real_recordings_fit_and_a_load_and_a_push_are_seen() -> None:
         assert [item.line for item in found.wrong][:1] == [line]
 
 
+@pytest.mark.slow
 def test_lines_of_a_sensor_that_was_not_recorded_cannot_be_told() -> None:
     case = right_setup("ur5e", 10, DRAWN)
     found = check(case.scene, [replace(case.recording, reading=None)])

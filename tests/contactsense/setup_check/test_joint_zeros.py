@@ -60,6 +60,7 @@ def test_two_joints_with_another_zero_are_one_wrong_line() -> None:
     ]
 
 
+@pytest.mark.slow
 def test_joints_whose_zero_the_motion_does_not_determine_are_named() -> None:
     case = right_setup("ur5e", 1, DRAWN)
     found = check(case.scene.model_copy(update={"base_wrench": None}), [case.recording])

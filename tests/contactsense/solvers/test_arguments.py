@@ -22,6 +22,7 @@ def test_rows_must_match() -> None:
         solve(BALL, np.ones(3), np.ones((1, 3)))
 
 
+@pytest.mark.slow
 def test_an_empty_batch_has_no_solutions() -> None:
     assert solve_batch(BALL, np.empty((0, 3)), np.empty((0, 3))).status.shape == (0,)
 

@@ -51,6 +51,7 @@ SURFACES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("surface", SURFACES, ids=str)
 @pytest.mark.parametrize("torsion", [0.0, 1e-300, 1e-8, 0.5, 30.0])
 def test_recovers_contacts(surface: Surface, torsion: float) -> None:
@@ -65,6 +66,7 @@ def test_recovers_contacts(surface: Surface, torsion: float) -> None:
     np.testing.assert_allclose(np.linalg.norm(found.normal, axis=1), 1.0, rtol=1e-14)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("surface", SURFACES, ids=str)
 def test_contacts_that_do_not_graze_are_accurate_to_nine_digits(surface: Surface) -> None:
     contacts = draw(surface, np.random.default_rng(5), 4000, 0.1)
@@ -109,6 +111,7 @@ def test_a_placed_surface_is_solved_in_its_pose() -> None:
     np.testing.assert_array_equal(one.force, force[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("surface", [s for s in SURFACES if not isinstance(s, Ellipsoid)], ids=str)
 def test_without_torsion_the_wrench_axis_agrees(surface: Surface) -> None:
     contacts = draw(surface, np.random.default_rng(8), 2000, 0.0)
@@ -201,6 +204,7 @@ def test_units_do_not_matter(surface: Surface) -> None:
         np.testing.assert_allclose(found.torsion / scale, expected.torsion, rtol=1e-13)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("surface", SURFACES, ids=str)
 def test_kernels_are_total(surface: Surface) -> None:
     rng = np.random.default_rng(10)

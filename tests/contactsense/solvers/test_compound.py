@@ -60,6 +60,7 @@ def _alone(body: Compound, part: Part) -> Compound:
     return Compound([part], body.reach)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", BODIES)
 @pytest.mark.parametrize("torsion", [0.0, 1e-8, 0.3])
 def test_recovers_contacts_on_exactly_one_part(name: str, torsion: float) -> None:
@@ -82,6 +83,7 @@ def test_recovers_contacts_on_exactly_one_part(name: str, torsion: float) -> Non
     assert np.all(answers == 1)
 
 
+@pytest.mark.slow
 def test_a_compound_fingertip_is_the_fingertip() -> None:
     own = Fingertip(0.03)
     contacts = draw(own, np.random.default_rng(2), 2000, 0.3)
@@ -97,6 +99,7 @@ def test_a_compound_fingertip_is_the_fingertip() -> None:
             )
 
 
+@pytest.mark.slow
 def test_six_planes_are_a_sharp_box() -> None:
     half = (0.1, 0.04, 0.07)
     planes = [

@@ -61,6 +61,7 @@ SURFACES: dict[str, Surface] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SURFACES)
 @pytest.mark.parametrize("torsion", [0.0, 1e-8, 0.3])
 def test_recovers_contacts(name: str, torsion: float) -> None:
@@ -74,6 +75,7 @@ def test_recovers_contacts(name: str, torsion: float) -> None:
     assert found.residual.max() < 1e-12
 
 
+@pytest.mark.slow
 def test_newton_and_closed_form_agree_on_a_paraboloid() -> None:
     surface = Paraboloid(20.0, 10.0, 0.1)
     contacts = draw(surface, np.random.default_rng(4), 2000, 0.3)
@@ -132,6 +134,7 @@ def test_a_user_defined_body_may_be_missed() -> None:
         Convex(egg, (0.08, 0.05), (0.08, 0.05, 0.1), inner=(1.0, 0.0, 0.0))
 
 
+@pytest.mark.slow
 def test_newton_and_closed_form_agree_on_an_ellipsoid() -> None:
     rng = np.random.default_rng(6)
     wrenches = rng.normal(size=(2000, 6)) * (1.0, 1.0, 1.0, 0.1, 0.1, 0.1)
@@ -169,6 +172,7 @@ def test_evaluate_returns_the_derivatives_of_its_value() -> None:
                 )
 
 
+@pytest.mark.slow
 def test_a_cube_is_a_box() -> None:
     contacts = draw(Box(0.1, 0.04, 0.07, 0.01), np.random.default_rng(8), 2000)
     one = solve_batch(Polytope(CUBE, 0.01), contacts.force, contacts.moment)
@@ -178,6 +182,7 @@ def test_a_cube_is_a_box() -> None:
     assert (len(hull.offset), len(hull.length), len(hull.vertex)) == (6, 12, 8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SURFACES)
 @pytest.mark.parametrize("method", ["exact", "wrench_axis"])
 def test_statuses(name: str, method: str) -> None:
@@ -191,6 +196,7 @@ def test_statuses(name: str, method: str) -> None:
     assert bad.status == Status.NOT_FINITE
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SURFACES)
 def test_kernels_are_total(name: str) -> None:
     rng = np.random.default_rng(10)

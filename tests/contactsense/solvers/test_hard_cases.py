@@ -62,6 +62,7 @@ def _check_sweep(count: int) -> None:
         assert row.condition < 1.0 + 1e-3, row
 
 
+@pytest.mark.slow
 def test_solutions_agree_with_exact_arithmetic() -> None:
     _check_sweep(4)
 

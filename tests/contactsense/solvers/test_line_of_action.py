@@ -28,6 +28,7 @@ def _packed(shape: Primitive) -> Surfaces:
     return pack([Link("one", Inertia(1.0, np.zeros(3), np.eye(3)), (shape,))])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.kind)
 @settings(max_examples=200)
 @given(target=TRIPLE, direction=TRIPLE, size=st.sampled_from([1e-9, 1.0, 1e9]))
@@ -63,6 +64,7 @@ def _least_distance(kind: int, size: np.ndarray, points: np.ndarray) -> float:
     return least
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.kind)
 @settings(max_examples=100)
 @given(direction=TRIPLE, offset=st.floats(1.05, 30.0))

@@ -67,6 +67,7 @@ def draw(surface: Surface, rng: np.random.Generator) -> tuple[np.ndarray, np.nda
             return c, w
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("surface", SURFACES, ids=lambda surface: type(surface).__name__)
 def test_an_exact_wrench_has_the_exact_contact(surface: Surface) -> None:
     rng = np.random.default_rng(1)
@@ -80,6 +81,7 @@ def test_an_exact_wrench_has_the_exact_contact(surface: Surface) -> None:
         assert found.torsion == pytest.approx(exact.torsion, abs=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("surface", "kind", "size"), PACKED, ids=lambda value: type(value).__name__)
 def test_it_is_the_mode_that_the_localization_finds(
     surface: Surface, kind: int, size: tuple[float, ...]

@@ -131,6 +131,7 @@ def test_the_result_is_a_local_minimum(shape: Primitive) -> None:
     assert max(improvements) < 4 * ENERGY_TOLERANCE
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", SHAPES[:4], ids=lambda shape: shape.kind)
 def test_the_covariance_agrees_with_the_errors(shape: Primitive) -> None:
     """Squared errors in units of the stated covariance average two, the number of surface coordinates."""

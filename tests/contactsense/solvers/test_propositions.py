@@ -76,6 +76,7 @@ def _inside(body: Surface, feet: np.ndarray, points: np.ndarray, normals: np.nda
     return bool(np.all(feet @ planes.T - np.sum(at * planes, axis=1) <= 1e-12))
 
 
+@pytest.mark.slow
 @settings(max_examples=300)
 @given(body=BODIES, seed=st.integers(0, 2**32 - 1))
 def test_proposition_2_the_contact_is_the_only_one(body: Surface, seed: int) -> None:

@@ -89,6 +89,7 @@ def _alone(block: np.ndarray, wrenches: np.ndarray, information: np.ndarray) -> 
     return modes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(20))
 def test_each_lane_is_as_if_it_were_alone(seed: int) -> None:
     block, wrenches, information = _loaded(seed)

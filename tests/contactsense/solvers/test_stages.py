@@ -116,6 +116,7 @@ def test_newton_converges_from_any_start() -> None:
     assert _errors(surface, some, np.array(found)).max() < 1e-14
 
 
+@pytest.mark.slow
 def test_the_fallbacks_solve_what_the_fast_iteration_does_not() -> None:
     """Forces along the edges of a body that is nearly a box, with much torsion: some defeat the quick
     steps."""

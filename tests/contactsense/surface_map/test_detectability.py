@@ -44,6 +44,7 @@ def torques() -> Detectability:
     return inclined(scene(base_wrench=None, joint_torque=TORQUE))
 
 
+@pytest.mark.slow
 def test_twice_the_noise_needs_twice_the_force(both: Detectability) -> None:
     noisy = scene(
         base_wrench=WrenchSensor(force_noise=0.5, moment_noise=0.1),

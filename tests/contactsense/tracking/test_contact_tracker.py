@@ -94,6 +94,7 @@ def _errors(estimates: list[Estimate], points: np.ndarray) -> np.ndarray:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("speed", [0.0, 1.0])
 def test_a_held_contact_sharpens_with_the_root_of_time(localizer: Localizer, speed: float) -> None:
     """From 0.2 to 3.2 s of holding the stated error falls by 4, and it is true; the arm may move."""
@@ -248,6 +249,7 @@ def test_jitter_and_lost_samples_change_nothing_but_the_noise(localizer: Localiz
     assert np.median(np.concatenate(ragged)) < 1.5 * np.median(np.concatenate(plain))
 
 
+@pytest.mark.slow
 def test_stated_covariance_of_a_position_on_the_tangent_plane() -> None:
     """That of the line of action's intersection with it, for one sample's noise and 20 N along the normal.
     The sensor is far away, so that noise of force and of moment count."""
@@ -280,6 +282,7 @@ def test_stated_covariance_of_a_position_on_the_tangent_plane() -> None:
     assert abs(xy) > 0.2 * np.sqrt(xx * yy)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sustained", [False, True])
 def test_a_sustained_contact_begins_with_the_average_that_showed_it(sustained: bool) -> None:
     sizes = {"joints": 6, "link_sensors": 0, "links": 7}

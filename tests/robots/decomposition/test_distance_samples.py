@@ -23,6 +23,7 @@ def cylinder(end: float) -> Bodies:
     return Bodies(np.array([kind]), rotation[None], origin[None], full)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mounted", [True, False])
 def test_a_recess_that_the_next_link_fills_is_inside(mounted: bool) -> None:
     """The primitive then reaches the end of the shell; an open recess it leaves free."""

@@ -77,6 +77,7 @@ def moved() -> Cells:
     return local_deviation(bodies_of([BOX]), hill(), moved=True)
 
 
+@pytest.mark.slow
 def test_the_moved_surface_is_the_skins_where_that_is_plane(moved: Cells) -> None:
     """On each side the primitive is moved onto the skin, and nothing remains; the ridge and the rims, where
     the nearest point of the primitive is on its rounding, are left out."""
@@ -107,6 +108,7 @@ def test_what_remains_is_never_more_than_what_was(monkeypatch: pytest.MonkeyPatc
         assert all(m.offset <= s.offset * 1.001 for m, s in zip(moved, still, strict=True))
 
 
+@pytest.mark.slow
 def test_motions_are_read_as_they_were_written(moved: Cells) -> None:
     again = read_cells("\n".join(lines(moved)), 1)
     for name, tolerance in (("point", 6e-4), ("shift", 6e-6), ("turn", 0.01)):

@@ -77,5 +77,6 @@ def test_the_other_process_compiles_its_part(tmp_path: Path) -> None:
     assert _compiled_here(tmp_path) == ["first", "root"]
 
 
+@pytest.mark.slow
 def test_without_it_this_one_compiles_all(tmp_path: Path) -> None:
     assert _compiled_here(tmp_path, "raise SystemExit(1)", patience=0.0) == ["first", "root", "second"]

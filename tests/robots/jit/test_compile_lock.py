@@ -75,6 +75,7 @@ def test_an_error_while_it_is_held_is_told_and_releases_it(tmp_path: Path) -> No
         assert mine
 
 
+@pytest.mark.slow
 def test_processes_that_start_together_compile_once(tmp_path: Path) -> None:
     (tmp_path / "kernels.py").write_text(KERNELS)
     path = os.pathsep.join([str(tmp_path), str(Path(contactsense.__path__[0]).parent)])

@@ -69,6 +69,7 @@ def test_the_cache_depends_on_other_files(tmp_path: Path) -> None:
     assert _run(tmp_path) == 33.0
 
 
+@pytest.mark.slow
 def test_with_nowhere_to_write_kernels_are_compiled_in_memory() -> None:
     program = (
         "import numba.core.caching as caching\n"

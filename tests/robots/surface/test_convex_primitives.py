@@ -87,6 +87,7 @@ def test_distance_agrees_with_brute_force(name: str) -> None:
         assert distance == pytest.approx(expected, abs=min(1.2e-3, 1e-6 * (30.0 + 1.0 / nearest)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 @settings(max_examples=150)
 @given(x=coordinate, y=coordinate, z=coordinate)

@@ -14,6 +14,8 @@ from contactsense.robots.robot import Inertia, Joint, Link, Robot
 from contactsense.robots.surface import signed_distance_grid as grid
 from contactsense.robots.vectors import vector
 
+pytestmark = pytest.mark.slow  # its kernels compile for long
+
 RADIUS = 0.04
 
 
@@ -166,7 +168,6 @@ def _write(grids: grid.Grids, path: Path, together: Barrier, times: int) -> None
         np.testing.assert_array_equal(grid.read(path).values, grids.values)
 
 
-@pytest.mark.slow
 def test_two_processes_may_build_the_same_skin(tmp_path: Path, grids: grid.Grids) -> None:
     """Each process of a service that starts for the first time builds the skin, and all write it at once."""
     spawn = get_context("spawn")

@@ -32,6 +32,7 @@ def analysis(tmp_path_factory: pytest.TempPathFactory) -> Analysis:
     return analyze(path, SCENE, estimates=True)
 
 
+@pytest.mark.slow
 def test_every_contact_of_the_recording_is_found_where_it_was(analysis: Analysis) -> None:
     motion = demo()
     assert [contact.link for contact in analysis.contacts] == [touch.link for touch in motion.touches]
@@ -50,6 +51,7 @@ def test_every_contact_of_the_recording_is_found_where_it_was(analysis: Analysis
         np.testing.assert_allclose(contact.q, motion.q[at], atol=0.01)
 
 
+@pytest.mark.slow
 def test_a_contact_carries_the_rows_of_the_file_and_the_place_at_its_peak(analysis: Analysis) -> None:
     motion = demo()
     for contact, touch in zip(analysis.contacts, motion.touches, strict=True):
@@ -172,6 +174,7 @@ def test_wrong_limits_are_named(tmp_path: Path, text: str, message: str) -> None
     assert message in str(caught.value)
 
 
+@pytest.mark.slow
 def test_a_file_block_by_block_gives_what_the_whole_recording_gives(tmp_path: Path) -> None:
     path = write_motion(demo(), tmp_path / "demo.parquet", rounds=6)
     table = pa_parquet.read_table(path)
@@ -271,6 +274,7 @@ def test_recordings_of_ten_samples_a_second(tmp_path: Path) -> None:
     assert any(text.startswith("Samples are 0.1 s apart") for well, text in health(found) if not well)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("as_file", [True, False])
 def test_a_recording_without_a_sensor_is_analysed_as_if_the_scene_had_none(
     tmp_path: Path, as_file: bool

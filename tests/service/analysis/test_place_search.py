@@ -95,6 +95,7 @@ def test_nine_of_ten_places_lie_in_their_90_percent_region() -> None:
     assert 0.84 < np.mean(inside) < 0.96
 
 
+@pytest.mark.slow
 def test_a_slide_is_told_from_a_hold_and_followed() -> None:
     rng = np.random.default_rng(3)
     begin, end = np.array([-0.03, 0.02, TOP]), np.array([0.02, -0.01, TOP])

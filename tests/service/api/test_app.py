@@ -72,6 +72,7 @@ def test_no_estimate_without_a_robot(idle: httpx.Client) -> None:
     assert "no robot is configured" in answer.json()["errors"][0]["reason"]
 
 
+@pytest.mark.slow
 def test_locate_one(idle: httpx.Client) -> None:
     sample = {"q": POSTURE, "base_wrench": [0.0, 0.0, -30.0, 0.0, 6.0, 0.0]}
     answer = idle.post("/v1/locate", json=sample)
@@ -80,6 +81,7 @@ def test_locate_one(idle: httpx.Client) -> None:
     assert estimate.status in ("contact", "ambiguous")
 
 
+@pytest.mark.slow
 def test_locate_many(idle: httpx.Client) -> None:
     samples = [
         {"q": POSTURE, "base_wrench": ZERO6},
@@ -100,6 +102,7 @@ contacts: 2
 """
 
 
+@pytest.mark.slow
 def test_locate_several_contacts(tmp_path: Path) -> None:
     path = tmp_path / "scene.yaml"
     path.write_text(SEVERAL)
@@ -281,6 +284,7 @@ def test_the_interface_tells_units_and_frames(idle: httpx.Client) -> None:
     assert "base frame [m]" in schemas["ContactOut"]["properties"]["point_base"]["description"]
 
 
+@pytest.mark.slow
 def test_the_latest_estimate(steady: str) -> None:
     answers: list[httpx.Response] = []
 
@@ -295,6 +299,7 @@ def test_the_latest_estimate(steady: str) -> None:
     assert len(estimate.link_probability) == 7
 
 
+@pytest.mark.slow
 def test_the_stream(steady: str) -> None:
     """Every estimate in turn; of those that a busy computer loses, their number."""
     with connect(f"ws://{steady}/v1/stream", close_timeout=0.5) as stream:

@@ -99,6 +99,7 @@ def test_constants_of_a_simulator_are_believed() -> None:
     assert readings.trouble == ()
 
 
+@pytest.mark.slow
 def test_a_constant_for_a_joint_without_a_sensor_is_believed() -> None:
     readings, rng = PushedReadings(SCENE), np.random.default_rng(0)
     for i in range(7000):

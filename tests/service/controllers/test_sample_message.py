@@ -127,6 +127,7 @@ def test_a_long_sample_is_refused() -> None:
         DECODER.sample(GOOD, MAX_SAMPLE + 1)
 
 
+@pytest.mark.slow
 @given(content=anything)
 def test_whatever_comes_is_a_sample_or_an_error(content: Any) -> None:
     for binary in (False, True):

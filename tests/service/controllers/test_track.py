@@ -121,6 +121,7 @@ def test_a_scene_of_its_own(place: str, pushed: Sample) -> None:
         EstimateOut.model_validate(answer)
 
 
+@pytest.mark.slow
 def test_no_sample_is_estimated_after_a_refused_scene(pushed: Sample) -> None:
     session = TrackSession(Scene(robot="ur5e"))
 
@@ -172,6 +173,7 @@ def test_a_silent_connection_is_closed() -> None:
     assert "nothing has come" in closed.value.rcvd.reason
 
 
+@pytest.mark.slow
 def test_a_controller_is_the_source_of_the_pipeline(pushed: Sample) -> None:
     settings = Settings(controllers=ControllerSettings(source="push"))
     with serving(create_app(settings)) as place:
@@ -219,6 +221,7 @@ def _reader(place: str) -> ClientConnection:
     return connect(f"ws://{place}/v1/stream", max_queue=None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start", [0.0, 0.61, 1.7e9])
 def test_another_controller_begins_anew(
     source: str, pushed: Sample, start: float, caplog: pytest.LogCaptureFixture
@@ -253,6 +256,7 @@ def test_another_controller_begins_anew(
     assert lines[-1].startswith("a controller at 127.0.0.1 sends")
 
 
+@pytest.mark.slow
 def test_a_clock_that_is_set_back_or_far_ahead_within_one_controller(source: str, pushed: Sample) -> None:
     """Late samples are refused; a clock that was set goes on, and what was open ends."""
     with opened(source) as client:

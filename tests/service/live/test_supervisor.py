@@ -45,6 +45,7 @@ async def until(condition: Callable[[], bool]) -> None:
             await asyncio.sleep(0.01)
 
 
+@pytest.mark.slow
 def test_estimates_and_health_come_from_the_process() -> None:
     async def scenario() -> None:
         async with running(fakes.Steady) as (runner, heard):

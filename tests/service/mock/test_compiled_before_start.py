@@ -3,6 +3,8 @@
 import subprocess
 import sys
 
+import pytest
+
 PROGRAM = """
 from contactsense.robots.jit import kernel
 from contactsense.service.mock.cell import Cell
@@ -17,6 +19,7 @@ print([compiled.__name__ for compiled in kernel._SOURCES if compiled.signatures 
 """
 
 
+@pytest.mark.slow
 def test_the_arm_moves_without_compiling_further():
     # In a process of its own: here, other tests have compiled all of it.
     done = subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True)

@@ -118,6 +118,7 @@ def record(client, names, count):
     return rows
 
 
+@pytest.mark.slow
 def test_urs_own_recipe_and_further_fields():
     with living() as servers, PlainClient(servers.rtde) as client:
         rows = record(client, STOCK_RECIPE + FURTHER, 300)

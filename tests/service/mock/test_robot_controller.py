@@ -53,6 +53,7 @@ def test_the_state_of_a_time_is_the_same_whoever_asks_when():
     np.testing.assert_array_equal(asked, [second.at(t).base for t in (0.5, 0.7, 0.6)])
 
 
+@pytest.mark.slow
 def test_the_speed_slider():
     live = robot()
     live.advance_to(1.0)

@@ -199,6 +199,7 @@ def listed(url: str) -> list[dict[str, Any]]:
     return found
 
 
+@pytest.mark.slow
 def test_a_clip_over_http(service: tuple[str, Path]) -> None:
     url, folder = service
     assert until(lambda: http.get(f"{url}/v1/health").json()["pipeline"]["estimates"] > 500, 60.0)
@@ -218,6 +219,7 @@ def test_a_clip_over_http(service: tuple[str, Path]) -> None:
     assert until(lambda: clipped() == pytest.approx(0.8, abs=0.3), 60.0)
 
 
+@pytest.mark.slow
 def test_a_service_records_while_the_command_runs(service: tuple[str, Path]) -> None:
     url, folder = service
 

@@ -73,6 +73,7 @@ def _check_rest(found: Recording, least: float) -> None:
     assert found.problems[-1].row_from == count
 
 
+@pytest.mark.slow
 def test_a_rosbag2_folder_is_read(rosbag: Path) -> None:
     found = read(rosbag, SCENE)
     whole = _recording()

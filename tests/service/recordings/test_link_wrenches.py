@@ -120,6 +120,7 @@ def _sample(i: int) -> Sample:
     return Sample(float(T[i]), Q[i], np.zeros(6), np.ones(6), link_wrenches=values)
 
 
+@pytest.mark.slow
 def test_the_recorder_writes_what_the_sensors_read(tmp_path: Path) -> None:
     recorder = Recorder(tmp_path, SCENE)
     slices = {"actual_q": slice(0, 6), "actual_qd": slice(6, 12)}
@@ -145,6 +146,7 @@ def test_the_rows_of_the_service_are_those_that_the_sensors_read() -> None:
     assert (table[:, rows.names.index("status")] == 0.0).all()
 
 
+@pytest.mark.slow
 def test_a_wrist_sensor_in_a_recording_of_the_service_is_read_as_any_other(tmp_path: Path) -> None:
     wrist = WrenchSensor(rpy=(0.2, -0.3, 0.4), translation=(0.0, 0.01, 0.02), sign="sensor_on_arm")
     scene = SCENE.model_copy(update={"wrist_wrench": wrist})

@@ -127,6 +127,7 @@ def test_a_file_is_overwritten_by_force_only(tmp_path: Path) -> None:
     assert Scene.load(path).robot.name == "ur5e"
 
 
+@pytest.mark.slow
 def test_show_prints_what_was_understood(tmp_path: Path) -> None:
     path = tmp_path / "a.yaml"
     path.write_text("robot: ur10e\nmounting: wall\nbase_wrench: {range: [500, 20]}\n")
@@ -186,6 +187,7 @@ def test_a_scene_elsewhere_names_the_same_arm(tmp_path: Path, monkeypatch: pytes
     assert Scene.load("cell/a.yaml").robot.name == "seven"
 
 
+@pytest.mark.slow
 def test_the_error_of_the_surface_is_shown(tmp_path: Path) -> None:
     """Each place has an error of its own where the surface file states it, unless the scene has another."""
     seven_joints(tmp_path)

@@ -112,6 +112,7 @@ def test_a_range_that_the_arms_own_weight_or_motion_exceeds_is_warned_of() -> No
     assert warnings(600.0, 400.0) == []
 
 
+@pytest.mark.slow
 def test_what_the_range_of_each_sensor_must_exceed_is_said_where_none_is_stated() -> None:
     """For those who choose a sensor: a range below what is said is warned of, one above it is not."""
     tool = Tool(mass=1.2, com=(0.0, 0.0, 0.06))

@@ -55,6 +55,7 @@ def test_samples_of_one_instant():
     assert health.unusable == 0
 
 
+@pytest.mark.slow
 def test_the_rate_of_the_sensor_may_be_learned():
     with (
         MockServers(FEED, MOCK) as servers,
@@ -64,6 +65,7 @@ def test_the_rate_of_the_sensor_may_be_learned():
         assert_of_its_instant(with_wrench(source, 300))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("network", "sensor", "shift"), [(0.006, 0.0, 0.0), (0.002, 0.004, 0.0), (0.0, 0.0, 0.006)]
 )

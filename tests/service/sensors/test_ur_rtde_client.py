@@ -42,6 +42,7 @@ def assert_right(stream, records):
         assert record.values[stream.slices["robot_mode"]] == (7,)
 
 
+@pytest.mark.slow
 def test_records_and_losses():
     host = own_address()
     with rtde_server(host=host, port=30004):
@@ -56,6 +57,7 @@ def test_records_and_losses():
     assert stream.poll(0.0) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("fault", "complaint"),
     [

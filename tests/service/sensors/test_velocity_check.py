@@ -95,6 +95,7 @@ BEGINS = [
 """Instants of a fault, of which some are in each phase of `_stop_and_go` [s]."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["zero", "sign", "degrees", "one frozen"])
 @pytest.mark.parametrize("begin", BEGINS)
 def test_a_wrong_velocity_is_not_believed_when_the_arm_moves_again(name: str, begin: float) -> None:
@@ -155,6 +156,7 @@ def test_a_hard_stop_with_velocities_of_a_filter_is_believed(speed: float, decel
         assert not check.contradict(stamp, np.array([position]), np.array([filtered]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("offset", "noise"), [(1e-3, 0.0), (0.0, 0.02)])
 def test_offset_and_noise_of_the_velocity_at_rest_are_no_movement(offset: float, noise: float) -> None:
     check, rng = VelocityCheck(6, LATE), np.random.default_rng(0)

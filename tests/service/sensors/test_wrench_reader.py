@@ -37,6 +37,7 @@ def registers(first: int, readings: np.ndarray) -> dict[str, np.ndarray]:
     return {REGISTERS[first + i]: readings[:, i] for i in range(6)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "reason"),
     [("frozen", "repeats the same reading"), ("zero", "exactly zero"), ("NaN", "not numbers")],
