@@ -93,6 +93,7 @@ def test_the_sum_of_the_weights_is_arbitrary() -> None:
     np.testing.assert_allclose(log_link_density(one, share), log_link_density(thousand, share), atol=1e-14)
 
 
+@pytest.mark.slow
 def test_weights_equal_to_the_areas_change_no_answer(by_area: Localizer) -> None:
     by_weight = localizer(dict(zip(LINKS, map(float, share_of(by_area)), strict=True)))
     rng = np.random.default_rng(1)

@@ -1,6 +1,7 @@
 """What is stored of a set of contacts."""
 
 import numpy as np
+import pytest
 
 from contactsense.multi_contact.contact_step import vector_of
 from contactsense.multi_contact.joint_covariance import covariance_of, fill_covariances
@@ -14,6 +15,8 @@ from tests.contactsense.multi_contact.smooth_arm import empty_case, take
 from contactsense.multi_contact.joint_layout import (  # isort: skip
     BNX, BX, FRICTION_RATIO, FX, NX, OFFSET_STEP, PX, R00, SX, TILT, TORSION, TX,
 )  # fmt: skip
+
+pytestmark = pytest.mark.slow  # its kernels compile for long
 
 
 def test_the_covariance_of_a_place_has_the_tails_of_the_friction() -> None:

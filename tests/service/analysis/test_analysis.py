@@ -32,7 +32,6 @@ def analysis(tmp_path_factory: pytest.TempPathFactory) -> Analysis:
     return analyze(path, SCENE, estimates=True)
 
 
-@pytest.mark.slow
 def test_every_contact_of_the_recording_is_found_where_it_was(analysis: Analysis) -> None:
     motion = demo()
     assert [contact.link for contact in analysis.contacts] == [touch.link for touch in motion.touches]
@@ -51,7 +50,6 @@ def test_every_contact_of_the_recording_is_found_where_it_was(analysis: Analysis
         np.testing.assert_allclose(contact.q, motion.q[at], atol=0.01)
 
 
-@pytest.mark.slow
 def test_a_contact_carries_the_rows_of_the_file_and_the_place_at_its_peak(analysis: Analysis) -> None:
     motion = demo()
     for contact, touch in zip(analysis.contacts, motion.touches, strict=True):
