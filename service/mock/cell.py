@@ -34,6 +34,8 @@ class CellLinkSensor:
     """Standard deviations of its reading, shape (6,) [N, Nm]."""
     fields: tuple[str, ...]
     """RTDE fields in which the controller sends its reading."""
+    delay: float = 0.0
+    """Delay of its readings; a negative one is not simulated [s]."""
 
 
 @dataclass(frozen=True)
@@ -68,6 +70,8 @@ class Cell:
     """Whether the torques are computed from the actual minus the target current."""
     base_delay: float = 0.0
     """Delay of the readings of the sensor under the base [s]."""
+    wrist_delay: float = 0.0
+    """Delay of those of the sensor at the flange; a negative one is not simulated [s]."""
     links: tuple[CellLinkSensor, ...] = ()
     """Further force/torque sensors within the arm."""
     link_names: tuple[str, ...] = field(default=())
@@ -136,6 +140,7 @@ class Cell:
             torque_fields=torque.fields,
             by_difference=torque.signal == "actual_current_minus_target",
             base_delay=base.delay,
+            wrist_delay=0.0 if wrist is None else wrist.delay,
             links=_link_sensors(scene),
             link_names=(*robot.link_names, *carried),
         )
@@ -173,6 +178,7 @@ def _link_sensors(scene: Scene) -> tuple[CellLinkSensor, ...]:
             WrenchMap.of(sensor),
             np.repeat([sensor.force_noise, sensor.moment_noise], 3),
             link_wrench_fields(number),
+            sensor.delay,
         )
         for number, sensor in enumerate(scene.link_wrenches)
     )

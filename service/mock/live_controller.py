@@ -38,9 +38,11 @@ class LiveController(Controller):
         self._moving = _fields(self)
         for number, name in enumerate(robot.cell.torque_fields or ()):
             self._moving[name] = _component(number, lambda r: r.torque)
+        self._delays = {"ft_raw_wrench": robot.cell.wrist_delay}
         for sensor in robot.cell.links:
             for number, name in enumerate(sensor.fields):
                 self._moving[name] = _component(number, _reading_of(sensor.name))
+                self._delays[name] = sensor.delay
 
     def advance(self, t: float) -> None:
         """Advance the robot to time t [s]."""
@@ -58,7 +60,9 @@ class LiveController(Controller):
             return lambda _: self.robot.outputs.get(name) or self._values.get(name, (0,))
         if get is None:
             return None
-        known = get
+        known, delay = get, self._delays.get(name, 0.0)
+        if delay > 0.0:
+            return lambda t: known(self.robot.at(t - delay))
         return lambda t: known(self._at(t))
 
     def _at(self, t: float) -> Reading:

@@ -107,6 +107,19 @@ def test_a_sensor_between_links_reads_as_pinocchio_says():
         np.testing.assert_allclose(reading.links["elbow"], own + place.bias, atol=1e-5)
 
 
+def test_readings_in_packets_are_late_by_the_delay_of_the_sensor():
+    elbow = LinkWrenchSensor(name="elbow", link="forearm", delay=0.03)
+    here = scene(wrist_wrench=WRIST.model_copy(update={"delay": 0.02}), link_wrenches=[elbow])
+    robot = RobotController(Cell.of_scene(here), SCRIPT)
+    controller = LiveController(robot)
+    controller.advance(0.6)
+    (sensor,) = robot.cell.links
+    assert controller.moving_field("ft_raw_wrench")(0.6) == robot.at(0.58).wrist.tolist()
+    read = [controller.moving_field(name)(0.6)[0] for name in sensor.fields]
+    assert read == robot.at(0.57).links["elbow"].tolist()
+    assert controller.moving_field("actual_q")(0.6) == robot.at(0.6).q.tolist()
+
+
 @pytest.mark.parametrize(
     "fields",
     [
