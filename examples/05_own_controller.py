@@ -89,7 +89,10 @@ def main() -> None:
     if len(sys.argv) > 2:
         sys.exit("expected ws://ADDRESS:PORT, or nothing to start a service here")
     if len(sys.argv) == 2:
-        asyncio.run(run(sys.argv[1].rstrip("/")))
+        try:
+            asyncio.run(run(sys.argv[1].rstrip("/")))
+        except OSError as error:
+            sys.exit(f"{sys.argv[1]}: no service answers ({error.strerror or error})")
         return
     with child("serve", "--port", "0") as service:
         asyncio.run(run(service.wait_for(READY).replace("http", "ws", 1)))

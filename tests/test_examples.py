@@ -73,6 +73,11 @@ def test_a_service_that_is_not_named_is_not_started() -> None:
         _run("05_own_controller.py", "ws://127.0.0.1:8000", "push")
 
 
+def test_a_service_that_is_not_there_is_told() -> None:
+    with pytest.raises(AssertionError, match=r"ws://127\.0\.0\.1:9: no service answers"):
+        _run("05_own_controller.py", "ws://127.0.0.1:9")
+
+
 @pytest.mark.long
 @pytest.mark.skipif(
     any(importlib.util.find_spec(name) is None for name in ("trimesh", "yourdfpy", "embreex")),

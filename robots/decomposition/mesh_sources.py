@@ -45,6 +45,10 @@ def read_arm(
         chain = read_chain(arm, tip)
         return chain.robot, _of_chain(chain, folder)
     robot = robots.load(arm)
+    if tip is not None and tip != robot.link_names[-1]:
+        raise RobotError(
+            f"tip: {arm} ends at {robot.link_names[-1]}; only a URDF may end elsewhere, got {tip}"
+        )
     return robot, meshes_of(robot, folder)
 
 

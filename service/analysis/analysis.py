@@ -18,7 +18,12 @@ from contactsense.service.analysis.contact_summary import ContactSummary
 from contactsense.service.analysis.contact_table import contact_table
 from contactsense.service.analysis.force_limits import ForceLimits
 from contactsense.service.analysis.friction_residuals import FrictionResiduals
-from contactsense.service.analysis.present_sensors import absent_sensors, without_sensors
+from contactsense.service.analysis.present_sensors import (
+    absent_sensors,
+    in_scene,
+    silent_sensors,
+    without_sensors,
+)
 from contactsense.service.analysis.residual_statistics import ResidualStatistics, ResidualSummary
 from contactsense.service.analysis.sample_table import sample_table
 from contactsense.service.analysis.smoothing import ContactSmoother
@@ -130,7 +135,7 @@ def analyze(
     def keep(table: pa.Table) -> None:
         tables.append(table)
 
-    absent = absent_sensors(recording, scene)
+    absent = absent_sensors(recording, scene) | silent_sensors(recording, scene)
     scene = without_sensors(scene, absent)
     run = AnalysisRun(scene, None if absent else localizer, smooth)
     contacts = tuple(run.contacts(recording, keep if estimates else None, progress))
@@ -177,7 +182,7 @@ class AnalysisRun:
         self.scene = scene
         self._summarizer = Summarizer(scene)
         self._smooth = smooth
-        self._smoother: ContactSmoother | None = None
+        self._smoothers: dict[frozenset[str], ContactSmoother | None] = {}
 
     @property
     def complaints(self) -> tuple[str, ...]:
@@ -261,13 +266,36 @@ class AnalysisRun:
         contact = self._summarizer.summarize(history, name)
         if not self._smooth:
             return contact
-        self._smoother = self._smoother or ContactSmoother(self.scene)
+        smoother = self._smoother_for(history.sensed)
+        if smoother is None:
+            return contact
         history = history.without_outages()
         # After a pause the arm may only ring: that is no push at one place.
-        smoothed = self._smoother.smooth(history.strongest_stretch())
+        smoothed = smoother.smooth(history.strongest_stretch())
         if smoothed is None:
             return contact
-        return self._summarizer.with_place(contact, self._smoother.with_forces(history, smoothed), smoothed)
+        return self._summarizer.with_place(contact, smoother.with_forces(history, smoothed), smoothed)
+
+    def _smoother_for(self, sensed: np.ndarray) -> ContactSmoother | None:
+        """For contacts that lack a sensor of the scene in most of their samples: of the scene without it.
+
+        Args:
+            sensed: As `ContactHistory.sensed`.
+
+        Returns:
+            None if no sensor is left that all contacts are smoothed by.
+        """
+        silent = frozenset(name for name, there in zip(SMOOTHED_BY, sensed, strict=True) if not there)
+        silent &= {field for field, there in in_scene(self.scene).items() if there}
+        if silent not in self._smoothers:
+            scene = without_sensors(self.scene, silent)
+            none = scene.base_wrench is None and scene.joint_torque is None
+            self._smoothers[silent] = None if none else ContactSmoother(scene)
+        return self._smoothers[silent]
+
+
+SMOOTHED_BY = ("base_wrench", "joint_torque")
+"""Sensors by which contacts are smoothed, in the order of `ContactHistory.sensed`."""
 
 
 def _span(recording: Recording | RecordingFile) -> tuple[float | None, float | None]:

@@ -36,7 +36,7 @@ class ContactHistory:
     energy: np.ndarray
     """Energy of the no-contact hypothesis, shape (N,)."""
     usable: np.ndarray
-    """Whether the base sensor was neither silent nor settling, shape (N,), bool."""
+    """Whether base wrench and joint torques were neither silent nor settling, shape (N, 2), bool."""
     base_wrench: np.ndarray
     """External base wrench, low-passed, shape (N, 6) [N, Nm]."""
     base_wrench_std: np.ndarray
@@ -74,13 +74,18 @@ class ContactHistory:
         touched = [stretch for stretch in stretches if on[stretch[0]]]
         return _taken(self, max(touched, key=lambda stretch: float(self.energy[stretch].sum())))
 
-    def without_outages(self) -> "ContactHistory":
-        """Without the samples that lack the base sensor, if most of the touched ones have it: the force that
-        joint torques alone make most probable may be several times the true one."""
+    @property
+    def sensed(self) -> np.ndarray:
+        """Whether most of the touched samples have base wrench and joint torques, shape (2,), bool."""
         on = self.phase != NONE
-        if self.usable.all() or 2 * np.count_nonzero(self.usable & on) <= np.count_nonzero(on):
-            return self
-        return _taken(self, np.flatnonzero(self.usable))
+        return np.asarray(2 * np.count_nonzero(self.usable[on], axis=0) > np.count_nonzero(on))
+
+    def without_outages(self) -> "ContactHistory":
+        """Without the samples that lack a sensor that most of the touched ones have. While a sensor is silent
+        its residual stays as if nothing touched the arm, and the force that the others alone make most
+        probable may be several times the true one."""
+        kept = self.usable[:, self.sensed].all(axis=1)
+        return self if kept.all() else _taken(self, np.flatnonzero(kept))
 
 
 class ContactCollector:
@@ -159,7 +164,7 @@ class ContactCollector:
             block=block[here],
             phase=found.phase[here],
             energy=found.energy[here],
-            usable=found.usable[here, 0],
+            usable=found.usable[here],
             base_wrench=found.base_wrench[here],
             base_wrench_std=found.base_wrench_std[here],
             joint_torque=found.joint_torque[here],

@@ -4,6 +4,8 @@ A sensor that is silent throughout would make every estimate `degraded`, nothing
 and contacts would not be estimated from all of their samples.
 """
 
+import numpy as np
+
 from contactsense.scene import Scene
 from contactsense.service.recordings import Recording, RecordingFile
 
@@ -21,6 +23,28 @@ def in_scene(scene: Scene) -> dict[str, bool]:
 def absent_sensors(recording: Recording | RecordingFile, scene: Scene) -> frozenset[str]:
     """Fields of the scene's sensors that the recording does not have."""
     return frozenset(field for field, there in in_scene(scene).items() if there) - recording.sensors
+
+
+def silent_sensors(recording: Recording | RecordingFile, scene: Scene) -> frozenset[str]:
+    """Fields of the scene's sensors that the recording has, but without a single reading; none if that is so
+    for all of them, as there is no reading at all then.
+
+    Raises:
+        RecordingError: The recording has no sample that can be used.
+    """
+    there = recording.sensors & {field for field, own in in_scene(scene).items() if own}
+    silent = set(there)
+    # Whoever is heard in the first block, as usual, is not looked for any further.
+    for block in [recording] if isinstance(recording, Recording) else recording.blocks():
+        silent -= {field for field, values in _readings(block) if np.isfinite(values).all(axis=1).any()}
+        if not silent:
+            break
+    return frozenset(silent) if silent < there else frozenset()
+
+
+def _readings(block: Recording) -> list[tuple[str, np.ndarray]]:
+    signals = {"joint_torque": block.joint_torque, "base_wrench": block.base_wrench, **block.link_values}
+    return [(field, values) for field, values in signals.items() if values is not None]
 
 
 def without_sensors(scene: Scene, fields: frozenset[str]) -> Scene:

@@ -11,9 +11,9 @@ from contactsense.scene import Scene
 def sample_table(rows: np.ndarray, found: BlockEstimates, scene: Scene) -> pa.Table:
     """One row per sample: `timestamp`, `row`, `flags` (bits, see `contactsense.sensors.stream_state`),
     `energy` of the no-contact hypothesis; external base wrench and joint torques (`base_wrench_0..5`,
-    `joint_torque_0..`) with their standard deviation without contact (`..._std_0..`); and for the most
-    probable explanation `contact`, `link`, `probability`, `torsion`, `point_0..2` (link frame),
-    `point_base_0..2`, `force_base_0..2`, null if there is none.
+    `joint_torque_0..`) with their standard deviation without contact (`..._std_0..`), null while the sensor
+    is silent or settling; and for the most probable explanation `contact`, `link`, `probability`, `torsion`,
+    `point_0..2` (link frame), `point_base_0..2`, `force_base_0..2`, null if there is none.
 
     Args:
         rows: Rows of the file, shape (N,).
@@ -35,9 +35,11 @@ def sample_table(rows: np.ndarray, found: BlockEstimates, scene: Scene) -> pa.Ta
         "flags": pa.array(found.flags),
         "energy": pa.array(found.energy),
     }
-    for name in ("base_wrench", "base_wrench_std", "joint_torque", "joint_torque_std"):
-        values = getattr(found, name)
-        columns |= {f"{name}_{i}": pa.array(values[:, i]) for i in range(values.shape[1])}
+    for number, sensor in enumerate(("base_wrench", "joint_torque")):
+        absent = ~found.usable[:, number]
+        for name in (sensor, f"{sensor}_std"):
+            values = getattr(found, name)
+            columns |= {f"{name}_{i}": pa.array(values[:, i], mask=absent) for i in range(values.shape[1])}
     columns["contact"] = pa.array(contact, mask=~explained)
     columns["link"] = pa.array(names[best[:, LINK].astype(np.int64)], pa.string(), mask=~explained)
     columns["probability"] = pa.array(best[:, PROBABILITY], mask=~explained)

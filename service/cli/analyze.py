@@ -31,6 +31,8 @@ from contactsense.service.recordings.export import export
 from contactsense.service.recordings.parquet_files import write_parquet
 from contactsense.service.recordings.table import reason
 
+_MOSTLY = 0.5
+"""If a larger share of the samples is degraded, no contacts mean nothing."""
 _COLUMNS = (
     "begin\ns", "link", "P", "force\nN", "duration\ns", "impulse\nN s", "place in link\nmm", "speed\nm/s",
 )  # fmt: skip
@@ -225,7 +227,7 @@ def _print(found: Analysis, folder: Path) -> None:
     if found.contacts:
         console.print(table)
     elif found.judged:
-        console.print(f"{found.recording}: {found.duration:.1f} s, nothing touched the arm", soft_wrap=True)
+        console.print(f"{found.recording}: {found.duration:.1f} s, {_nothing(found)}", soft_wrap=True)
     if found.limits is not None:
         for line in _compared(found, found.limits):
             console.print(line, markup=False, highlight=False, soft_wrap=True)
@@ -233,6 +235,14 @@ def _print(found: Analysis, folder: Path) -> None:
         if not well and text != found.doubt:  # the warning above says it
             console.print(f"check: {text}", soft_wrap=True)
     console.print(f"report: {folder / 'report.html'}", soft_wrap=True)
+
+
+def _nothing(found: Analysis) -> str:
+    """What the absence of contacts means: nothing, while estimates are degraded."""
+    share = found.residuals.degraded / max(found.samples, 1)
+    if share < _MOSTLY:
+        return "nothing touched the arm"
+    return f"no contact was found, but {share:.0%} of the samples are degraded: contacts may have been missed"
 
 
 def _compared(found: Analysis, limits: ForceLimits) -> Iterator[str]:

@@ -2,7 +2,7 @@
 contact-free motion."""
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from contactsense.service.cli.calibration_doubts import doubts
 from contactsense.service.cli.calibration_page import Section, channels, page, reasons_against
 from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError
 from contactsense.service.recordings.free_motion import read_free_motion
+from contactsense.service.recordings.problem_lines import problem_lines
 
 _PARTS = ("joint_torque", "base_wrench", "wrist_wrench", "link_wrenches", "mounting", "tool", "inertia")
 """Fields of a scene that calibration may change."""
@@ -32,7 +33,12 @@ _PARTS = ("joint_torque", "base_wrench", "wrist_wrench", "link_wrenches", "mount
 @click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path))
 @click.option("--scene", "path", required=True, type=click.Path(path_type=Path), help="Scene file (YAML).")
 @click.option("--out", type=click.Path(path_type=Path), help="Write the calibrated scene into this file.")
-@click.option("--write", "in_place", is_flag=True, help="Change the scene file itself.")
+@click.option(
+    "--write",
+    "in_place",
+    is_flag=True,
+    help="Change the scene file itself; the former one, with its comments, is kept as FILE.bak.",
+)
 @click.option(
     "--links", is_flag=True, help="Estimate the links' inertia, too; torque constants are then kept."
 )
@@ -79,7 +85,7 @@ def calibrate(
             found_here, problems = read_free_motion(recording, scene, mapping)
             _in_radians(recording, scene, found_here)
             stretches += found_here
-            for problem in problems:
+            for problem in problem_lines(problems):
                 errors.print(f"{recording}: {problem}", soft_wrap=True)
         groups = default_groups(scene, stretches)
         if links:
@@ -90,6 +96,8 @@ def calibrate(
     except (SceneError, RecordingError, MappingError, CalibrationError, ValueError) as error:
         raise click.ClickException(str(error)) from None
     with errors.status("judging the result"):
+        if keep_contacts:
+            found = replace(found, warnings=(*found.warnings, *_kept_contacts(scene, stretches, settings)))
         against = reasons_against(found, doubts(found, scene, stretches))
     # A scene that works is not replaced by one that should not be used.
     target = out if not in_place else None if against else path
@@ -99,6 +107,8 @@ def calibrate(
             from contactsense.service.cli.calibration_report import write_report
 
             write_report(report, found, sections, stretches, scene)
+        if in_place and target is not None:
+            write_text(_former(path), path.read_text(encoding="utf-8"))
         if target is not None:
             write_text(target, scene_text(path, found.scene, target))
     except ImportError as error:
@@ -115,6 +125,28 @@ def calibrate(
             _print_everything(found, scene)
     if against:
         ctx.exit(3)
+
+
+def _former(path: Path) -> Path:
+    """Where --write leaves the scene file as it was, with its comments."""
+    return path.with_name(f"{path.name}.bak")
+
+
+def _kept_contacts(scene: Scene, stretches: list[FreeMotion], settings: Settings) -> tuple[str, ...]:
+    """What is used although something seems to push on the arm, as one warning. A fit bends to pushes that it
+    uses, so they are looked for with one that does not."""
+    try:
+        contacts = run(scene, stretches, replace(settings, leave_out_contacts=True)).contacts
+    except CalibrationError as error:
+        return (f"--keep-contacts has used what is left out otherwise: {error}",)
+    if not contacts:
+        return ()
+    first = contacts[0]
+    count = "one stretch" if len(contacts) == 1 else f"{len(contacts)} stretches"
+    return (
+        f"--keep-contacts has used {count} in which something seems to push on the arm, the first from "
+        f"{first.start:.1f} s on in {first.recording}: do not use this scene unless nothing was there",
+    )
 
 
 def _in_radians(recording: Path, scene: Scene, stretches: list[FreeMotion]) -> None:

@@ -19,7 +19,8 @@ from contactsense.robots.units import FURTHEST
 from contactsense.scene import Scene, SceneError
 from contactsense.service.cli.finite_range import FiniteRange
 from contactsense.service.cli.joint_angles import joint_angles
-from contactsense.service.recordings.export import write_columns
+from contactsense.service.cli.output_file import check_writable
+from contactsense.service.recordings.export import check_format, write_columns
 from contactsense.service.recordings.problems import RecordingError
 
 
@@ -93,7 +94,10 @@ def excite(
     """
     if (name is None) == (path is None):
         raise click.UsageError("--robot and --scene: expected one of them")
+    check_writable("--into", into)
     try:
+        if into is not None:
+            check_format(into)
         scene = Scene(robot=load(name)) if name is not None else Scene.load(path or "")
         joints = len(scene.robot.joints)
         center = None if home is None else tuple(joint_angles("--home", home, joints).tolist())

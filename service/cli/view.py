@@ -125,9 +125,15 @@ def _give_way(url: str) -> None:
 def _recorded(file: Path, scene: Scene | None, mapping: ColumnMapping) -> RecordedSource | AnalysisSource:
     if is_analysis(file):
         return AnalysisSource(file, scene)
+    table = (file if file.is_dir() else file.parent) / "contacts.parquet"
+    if (file.is_dir() or file.name == "contacts.csv") and is_analysis(table):
+        raise click.ClickException(f"{file}: expected the table of the contacts, {table}")
     scene = scene_in(file) if scene is None else scene
     click.echo(f"{file}: the estimates are being computed", err=True)
-    return RecordedSource(file, scene, mapping)
+    source = RecordedSource(file, scene, mapping)
+    for problem in source.problems:
+        click.echo(f"{file}: {problem}", err=True)
+    return source
 
 
 def _page(host: str, port: int) -> PageServer:

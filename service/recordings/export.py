@@ -42,9 +42,20 @@ def write_columns(path: str | Path, columns: Mapping[str, np.ndarray]) -> None:
     _write_table(pa.table(dict(columns)), Path(path))
 
 
-def _write_table(table: pa.Table, path: Path) -> None:
+def check_format(path: Path) -> None:
+    """Refuse a file that no table can be written to.
+
+    Raises:
+        RecordingError: Its name tells no known format, or there is no folder for it.
+    """
     if path.suffix not in (".parquet", ".csv"):
         raise RecordingError(f"{path}: expected a name that ends in .parquet or .csv")
+    if not path.parent.is_dir():
+        raise RecordingError(f"{path}: there is no folder {path.parent}")
+
+
+def _write_table(table: pa.Table, path: Path) -> None:
+    check_format(path)
     try:
         if path.suffix == ".parquet":
             write_parquet(table, path)

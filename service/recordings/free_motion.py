@@ -13,6 +13,7 @@ from contactsense.sensors.timing import LONGEST_GAP
 from contactsense.service.recordings.column_mapping import ColumnMapping, unit_hint
 from contactsense.service.recordings.problems import Problem, RecordingError
 from contactsense.service.recordings.recording_file import RecordingFile
+from contactsense.service.recordings.time_extent import UNORDERED
 
 _SHORTEST = 3
 """Minimum number of samples between two clock resets; shorter sections are not used."""
@@ -54,6 +55,11 @@ def read_free_motion(
     known = {field: np.isfinite(values).all(axis=1) for field, values in signals.items()}
     finite = np.all(list(known.values()), axis=0)
     resets = np.flatnonzero(np.diff(found.t, prepend=found.t[:1]) < 0.0)
+    if len(resets) > UNORDERED * len(found):
+        raise RecordingError(
+            f"{path}: timestamp: expected rows in the order of time, got {len(resets)} of {len(found)} that "
+            "are earlier than the row before. Sort them, or name another column with --columns timestamp=NAME"
+        )
     stretches = []
     for rows in np.split(np.arange(len(found)), resets):
         kept = rows[finite[rows]]

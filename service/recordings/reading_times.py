@@ -13,9 +13,10 @@ SLOWER = 1.2
 """A sensor whose readings are this many steps of the rows apart is slower than the rows; below that, clocks
 only jitter."""
 
+BURSTS = 0.5
+"""Readings whose usual step is shorter than this share of that of the rows come in bursts."""
 SHORT = 0.02
-"""Readings that are no further apart follow each other even where the usual step is much shorter: some come
-in bursts [s]."""
+"""Of those, readings that are no further apart follow each other [s]."""
 
 
 def readings_at(t: np.ndarray, stamps: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -35,7 +36,9 @@ def readings_at(t: np.ndarray, stamps: np.ndarray, values: np.ndarray) -> np.nda
     after = np.searchsorted(stamps, t)
     last = np.minimum(after, len(stamps) - 1)
     exact = stamps[last] == t
-    between = stamps[last] - stamps[np.maximum(after - 1, 0)] <= max(GAP_STEPS * _step(stamps), SHORT)
+    step = _step(stamps)
+    longest = max(GAP_STEPS * step, SHORT if step < BURSTS * _step(np.sort(t)) else 0.0)
+    between = stamps[last] - stamps[np.maximum(after - 1, 0)] <= longest
     used = exact | (between & (after > 0) & (after < len(stamps)))
     if is_slower(stamps, t):
         used &= _nearest(t, stamps)

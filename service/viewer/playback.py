@@ -2,7 +2,7 @@
 
 import pickle
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,6 +11,8 @@ import numpy as np
 from contactsense import BlockEstimates, Estimate, Event, Localizer, SampleBlock
 from contactsense.scene import Scene
 from contactsense.service.recordings import ColumnMapping, RecordingError, RecordingFile
+from contactsense.service.recordings.problem_lines import problem_lines
+from contactsense.service.recordings.problems import Problem
 from contactsense.service.viewer.frame import HISTORY, TRACKS, Forces, Frame, forces_of
 
 RATE = 50.0
@@ -42,12 +44,16 @@ class Playback:
 
     duration: float
     """Time from the first to the last sample [s]."""
+    problems: tuple[str, ...]
+    """What is wrong with the file, one line each."""
     events: tuple[Event, ...]
     """Everything that happened to the contacts, in order; `Event.t` is the time from the start [s]."""
 
-    def __init__(self, kept: _Kept, duration: float, events: tuple[Event, ...]) -> None:
+    def __init__(
+        self, kept: _Kept, duration: float, events: tuple[Event, ...], problems: Sequence[Problem]
+    ) -> None:
         self._kept = kept
-        self.duration, self.events = duration, events
+        self.duration, self.events, self.problems = duration, events, problem_lines(tuple(problems))
 
     @classmethod
     def open(
@@ -73,8 +79,14 @@ class Playback:
         """
         file = RecordingFile(path, scene, mapping)
         run = _Run(localizer or Localizer(scene))
-        blocks = (block for part in file.blocks() for block in part.sample_blocks(_BLOCK))
-        for count in run.blocks(blocks):
+        problems: list[Problem] = []
+
+        def blocks() -> Iterator[SampleBlock]:
+            for part in file.blocks():
+                problems.extend(part.problems)
+                yield from part.sample_blocks(_BLOCK)
+
+        for count in run.blocks(blocks()):
             if progress is not None:
                 progress(count)
         if not run.parts:
@@ -85,7 +97,7 @@ class Playback:
             np.concatenate([part.forces for part in run.parts]),
             [estimate for part in run.parts for estimate in part.estimates],
         )
-        return cls(kept, run.elapsed, tuple(run.events))
+        return cls(kept, run.elapsed, tuple(run.events), problems)
 
     def at(self, time: float) -> Frame:
         """The newest frame at a time [s] from the start; the first and the last one beyond the ends."""

@@ -42,6 +42,8 @@ class RecordedSource:
         """
         self.scene = scene
         self._playback = Playback.open(scene, path, mapping)
+        self.problems = self._playback.problems
+        """What is wrong with the file, one line each."""
         self._clock = PlaybackClock(self._playback.duration)
         self._name = path.name
         self._slider: viser.GuiInputHandle[float] | None = None

@@ -143,6 +143,21 @@ def test_what_was_left_out_as_a_contact_is_no_reason_for_doubts(
     assert kept == [motion.row_of(i) for i in range(len(motion.t)) if not first <= i <= last]
 
 
+def test_contacts_that_are_kept_are_told(folder: Path) -> None:
+    files = [str(folder / "pushed.csv"), "--scene", str(folder / "scene.yaml"), "--keep-contacts"]
+    result = CliRunner().invoke(calibrate, files)
+    assert re.search(r"--keep-contacts has used 3 stretches .* in .*pushed\.csv", result.output)
+
+
+def test_the_former_scene_is_kept_with_its_comments(folder: Path, tmp_path: Path) -> None:
+    scene, text = tmp_path / "scene.yaml", "# my cell\n" + (folder / "scene.yaml").read_text()
+    scene.write_text(text)
+    result = CliRunner().invoke(calibrate, [str(folder / "free.csv"), "--scene", str(scene), "--write"])
+    assert result.exit_code == 0, result.output
+    assert (tmp_path / "scene.yaml.bak").read_text() == text
+    assert "friction" in scene.read_text()
+
+
 def test_corrections_are_told_as_the_lines_of_the_scene() -> None:
     sensor = WrenchSensor(rpy=(0.0, 0.0, 0.5236), translation=(0.0, 0.0, -0.04))
     truth = Scene(robot="ur5e", mounting="wall", joint_torque=None, base_wrench=sensor)

@@ -46,6 +46,9 @@ def test_the_summary_names_every_parameter() -> None:
         (["--robot", "ur5e", "--floor", "nan"], 2, "'--floor': expected a finite number, got nan"),
         (["--robot", "ur5e", "--seconds", "nan"], 2, "'--seconds': expected a finite number, got nan"),
         (["--robot", "nobody"], 1, "nobody"),
+        # Before the search, which takes long.
+        (["--robot", "ur5e", "--into", "a.xyz"], 1, "a.xyz: expected a name that ends in .parquet or .csv"),
+        (["--robot", "ur5e", "--into", "no/a.csv"], 1, "--into: no/a.csv: there is no folder no"),
         (["--scene", "absent.yaml"], 1, "absent.yaml: cannot read the scene"),
     ],
 )

@@ -97,6 +97,11 @@ def test_robots_draws_one(tmp_path: Path) -> None:
         (["decompose", "hand.stl"], 1, "hand.stl: a mesh, not an arm; is it a tool?"),
         (["decompose", "hand.stl", "--as-tool"], 1, "hand.stl: no such mesh"),
         (["decompose", "hand.stl", "--as-tool", "--tip", "palm"], 2, "--as-tool: expected no --meshes"),
+        (
+            ["decompose", "ur5e", "--tip", "foo"],
+            1,
+            "tip: ur5e ends at wrist_3; only a URDF may end elsewhere",
+        ),
         (["decompose", "ur5e", "--scale", "0.001"], 2, "--scale: expected --as-tool or --as-body"),
         (["decompose", "hand.stl", "--as-tool", "--scale", "0"], 2, "'--scale': 0.0 is not in the range x>0"),
         (["decompose", "hand.stl", "--as-tool", "--scale", "nan"], 2, "'--scale': expected a finite number"),

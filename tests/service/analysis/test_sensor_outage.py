@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 
 from contactsense import Localizer, SampleBlock
+from contactsense.service.analysis.analysis import analyze
 from contactsense.service.analysis.contact_history import ContactCollector, ContactHistory
+from contactsense.service.analysis.sample_table import sample_table
 from contactsense.service.analysis.smoothing import ContactSmoother
 from contactsense.service.analysis.summarize import Summarizer
+from contactsense.service.recordings import Recording
 from contactsense.tracking.contact_track import NONE
 from tests.contactsense.tracking.test_resumed_contact import Push, plain_scene, pushed_arm
 
@@ -21,14 +24,17 @@ def localizer() -> Localizer:
     return Localizer(SCENE)
 
 
-def _history(localizer: Localizer, silent: tuple[float, float]) -> ContactHistory:
+def _block(silent: tuple[float, float], field: str = "base_wrench") -> SampleBlock:
     samples = pushed_arm((PUSH,))
     names = ("t", "q", "qd", "joint_torque", "base_wrench")
     block = SampleBlock(*(np.array([getattr(sample, name) for sample in samples]) for name in names))
-    assert block.base_wrench is not None
-    readings = block.base_wrench.copy()
+    readings = getattr(block, field).copy()
     readings[(block.t > silent[0]) & (block.t < silent[1])] = np.nan
-    block = replace(block, base_wrench=readings)
+    return replace(block, **{field: readings})
+
+
+def _history(localizer: Localizer, silent: tuple[float, float], field: str = "base_wrench") -> ContactHistory:
+    block = _block(silent, field)
     (found,) = localizer.run_blocks([block])
     collector = ContactCollector(SCENE.bandwidth)
     (history,) = [*collector.add(np.arange(len(block)), block, found), *collector.end()]
@@ -38,7 +44,7 @@ def _history(localizer: Localizer, silent: tuple[float, float]) -> ContactHistor
 def test_a_moment_without_the_base_sensor_does_not_change_the_contact(localizer: Localizer) -> None:
     summarizer, smoother = Summarizer(SCENE), ContactSmoother(SCENE)
     whole, gap = (_history(localizer, silent) for silent in ((0.0, 0.0), (0.5, 0.65)))
-    assert np.count_nonzero(~gap.usable) > 50
+    assert np.count_nonzero(~gap.usable[:, 0]) > 50
     expected, found = summarizer.summarize(whole, ""), summarizer.summarize(gap, "")
     assert (found.link, found.begin, found.duration) == (
         expected.link,
@@ -54,13 +60,49 @@ def test_a_moment_without_the_base_sensor_does_not_change_the_contact(localizer:
 
 def test_a_contact_that_is_mostly_without_the_base_sensor_keeps_all_samples(localizer: Localizer) -> None:
     gap = _history(localizer, (0.5, 1.25))
-    assert 0 < np.count_nonzero(gap.usable) < 0.5 * len(gap.usable)
+    assert 0 < np.count_nonzero(gap.usable[:, 0]) < 0.5 * len(gap.usable)
+    assert gap.sensed.tolist() == [False, True]
     assert gap.without_outages() is gap
 
 
 def test_a_base_sensor_that_is_there_in_the_pauses_only_changes_nothing(localizer: Localizer) -> None:
     whole = _history(localizer, (0.0, 0.0))
     pause = np.arange(len(whole.row)) >= 10
-    history = replace(whole, phase=np.where(pause, NONE, whole.phase), usable=pause)
+    history = replace(whole, phase=np.where(pause, NONE, whole.phase), usable=pause[:, None] | [False, True])
     assert history.without_outages() is history
     assert (history.strongest_stretch().phase != NONE).all()
+
+
+def _recording(block: SampleBlock) -> Recording:
+    row = np.arange(len(block))
+    return Recording("r", block.t, block.q, block.qd, block.joint_torque, block.base_wrench, None, row)
+
+
+def test_a_sensor_that_is_silent_throughout_a_contact_has_not_measured_nothing(localizer: Localizer) -> None:
+    """Its residual stays as if nothing touched the arm, which would name another link with certainty."""
+    expected, found, without = (
+        analyze(_recording(block), scene).contacts
+        for block, scene in (
+            (_block((0.0, 0.0)), SCENE),
+            (_block((0.17, 1.3), "joint_torque"), SCENE),
+            (_block((0.0, 0.0)), SCENE.model_copy(update={"joint_torque": None})),
+        )
+    )
+    assert [contact.link for contact in found] == [contact.link for contact in without]
+    assert expected[0].link in [contact.link for contact in found]
+    np.testing.assert_allclose(found[0].point_base, without[0].point_base, atol=5e-3)
+    # As is a sensor that a recording has as a column without a single reading.
+    silent = analyze(_recording(_block((-9.0, 9.0), "joint_torque")), SCENE)
+    assert silent.scene.joint_torque is None
+    assert [contact.link for contact in silent.contacts] == [contact.link for contact in without]
+
+
+def test_the_table_of_samples_has_no_residuals_of_a_silent_sensor(localizer: Localizer) -> None:
+    block = _block((0.2, 0.6), "joint_torque")
+    (found,) = localizer.run_blocks([block])
+    table = sample_table(np.arange(len(block)), found, SCENE)
+    absent = ~found.usable[:, 1]
+    assert absent[(block.t > 0.25) & (block.t < 0.6)].all()
+    for name in ("joint_torque_0", "joint_torque_std_5"):
+        np.testing.assert_array_equal(table.column(name).is_null().to_numpy(), absent)
+    np.testing.assert_array_equal(table.column("base_wrench_2").is_null().to_numpy(), ~found.usable[:, 0])

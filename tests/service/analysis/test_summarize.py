@@ -30,7 +30,7 @@ def _history(estimates: list[tuple[int, float, float]], probability: np.ndarray)
         block=SampleBlock(0.002 * np.arange(count), still, np.zeros((count, 6))),
         phase=np.full(count, HOLD),
         energy=np.full(count, 100.0),
-        usable=np.ones(count, dtype=bool),
+        usable=np.ones((count, 2), dtype=bool),
         base_wrench=np.zeros((count, 6)),
         base_wrench_std=np.ones((count, 6)),
         joint_torque=np.zeros((count, 6)),

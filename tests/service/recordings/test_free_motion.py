@@ -96,11 +96,11 @@ def test_too_few_samples_and_wrong_columns_are_refused(tmp_path: Path) -> None:
     write_columns(tmp_path / "a.csv", made)
     with pytest.raises(RecordingError, match=r"expected at least 3 samples .* got 2 of 20"):
         read_free_motion(tmp_path / "a.csv", SCENE)
-    made = columns() | {"timestamp": np.arange(N, 0, -1) * 0.002}
+    made = columns()
+    made["joint_torque_0"][[i for i in range(N) if i not in (1, 10, 11)]] = np.nan
+    made["timestamp"][10:] -= 1.0
     write_columns(tmp_path / "a.csv", made)
-    with pytest.raises(
-        RecordingError, match=r"rising times, got 20 of 20 .* 19 times at which the clock was"
-    ):
+    with pytest.raises(RecordingError, match=r"rising times, got 3 of 20 .* 1 times at which the clock was"):
         read_free_motion(tmp_path / "a.csv", SCENE)
     with pytest.raises(MappingError):
         read_free_motion(tmp_path / "a.csv", SCENE, "no_such_field=x")
@@ -112,6 +112,16 @@ def test_a_signal_that_is_never_there_is_named(tmp_path: Path) -> None:
     write_columns(tmp_path / "a.parquet", made)
     with pytest.raises(RecordingError, match=r"got 0 of 20 with finite numbers; never joint_torque, and 0 "):
         read_free_motion(tmp_path / "a.parquet", SCENE)
+
+
+@pytest.mark.parametrize("order", [np.arange(N)[::-1], np.random.default_rng(0).permutation(N)])
+def test_rows_in_no_order_of_time_are_told(tmp_path: Path, order: np.ndarray) -> None:
+    """Not that the unit of the time were another."""
+    write_columns(tmp_path / "a.csv", {name: values[order] for name, values in columns().items()})
+    with pytest.raises(
+        RecordingError, match=r"timestamp: expected rows in the order of time, got .* Sort them"
+    ):
+        read_free_motion(tmp_path / "a.csv", SCENE)
 
 
 def test_times_in_milliseconds_are_told(tmp_path: Path) -> None:

@@ -32,6 +32,15 @@ def test_while_a_sensor_is_silent_it_has_no_readings() -> None:
     assert np.isnan(readings_at(T, np.zeros(0), np.zeros((0, 6)))).all()
 
 
+@pytest.mark.parametrize("missing", [5, 9, 13])
+def test_rows_between_readings_that_were_lost_have_none(missing: int) -> None:
+    """Interpolated, all of them would have the noise of two readings, which looks like a contact."""
+    lost = (np.arange(len(T)) >= 200) & (np.arange(len(T)) < 200 + missing)
+    stamps = T[~lost]
+    found = readings_at(T, stamps, _line(stamps))
+    np.testing.assert_array_equal(np.isnan(found).all(axis=1), lost)
+
+
 def test_readings_that_come_in_bursts_leave_no_row_without_one() -> None:
     bursts = np.arange(-0.008, 1.1, 0.008)
     stamps = (bursts[:, None] + np.arange(8) * 1e-4).ravel()

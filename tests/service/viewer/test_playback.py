@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as pa_parquet
 import pytest
 
 from contactsense import Estimate, Localizer, Scene
@@ -79,6 +80,15 @@ def test_forces_of_the_last_ten_seconds(tmp_path: Path, localizer: Localizer) ->
         assert estimate is not None
         np.testing.assert_allclose(frame.forces.force[k], forces_of(estimate), rtol=1e-6)
     assert frame.forces.force.any()
+
+
+def test_what_is_wrong_with_the_file_is_kept(tmp_path: Path, localizer: Localizer) -> None:
+    path = write_motion(demo(), tmp_path / "demo.parquet", last=500)
+    assert Playback.open(localizer.scene, path, localizer=localizer).problems == ()
+    table = pa_parquet.read_table(path)
+    pa_parquet.write_table(table.take([i for i in range(500) if not 200 <= i < 250]), path)
+    (problem,) = Playback.open(localizer.scene, path, localizer=localizer).problems
+    assert "a gap of 0.102 s" in problem
 
 
 def test_times_beyond_the_ends_show_the_ends(tmp_path: Path, localizer: Localizer) -> None:

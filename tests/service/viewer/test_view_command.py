@@ -88,6 +88,13 @@ def table(tmp_path: Path) -> Path:
     return tmp_path / "contacts.parquet"
 
 
+def test_the_folder_of_an_analysis_is_not_taken_for_a_recording(table: Path) -> None:
+    for name in (table.parent, table.with_suffix(".csv")):
+        result = CliRunner().invoke(view, [str(name)])
+        assert result.exit_code == 1
+        assert f"{name}: expected the table of the contacts, {table}" in result.output
+
+
 def test_contacts_of_an_analysis_are_shown_as_they_were_found(table: Path) -> None:
     assert is_analysis(table)
     frame = AnalysisSource(table, SCENE).frame()
