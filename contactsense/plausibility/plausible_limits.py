@@ -1,7 +1,7 @@
 """Implausible measurements: mistaken units, values that no joint and no sensor reaches."""
 
 from collections.abc import Mapping
-from math import dist
+from math import dist, isinf
 from typing import NamedTuple
 
 import numpy as np
@@ -89,6 +89,8 @@ class PlausibleLimits:
         for name, value, low, high in zip(
             self._joint_names, values, self._lowest, self._highest, strict=True
         ):
+            if isinf(value):
+                return Implausible("q", f"expected finite positions, got {value} for {name}")
             if value < low or value > high:
                 return Implausible(
                     "q",

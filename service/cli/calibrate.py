@@ -156,7 +156,8 @@ def _in_radians(recording: Path, scene: Scene, stretches: list[FreeMotion]) -> N
         for extreme in (stretch.q.min(axis=0), stretch.q.max(axis=0)):
             found = limits.position(extreme)
             if found is not None:
-                raise RecordingError(f"{recording}: {found.field}: {found.reason} (--columns angle_unit=deg)")
+                option = " (--columns angle_unit=deg)" if "degrees" in found.reason else ""
+                raise RecordingError(f"{recording}: {found.field}: {found.reason}{option}")
 
 
 def scene_text(path: Path, scene: Scene, target: Path) -> str:

@@ -18,6 +18,13 @@ _OTHER_UNIT = 10.0
 probably in another unit."""
 
 
+def weightless_tool(scene: Scene) -> Iterator[str]:
+    """What is stated of a tool that has a surface but no mass, as `contactsense decompose` leaves that of a
+    mesh; one line at most. A calibration may find next to none."""
+    if scene.tool is not None and scene.tool.primitives and scene.tool.mass == 0.0:
+        yield "tool.mass: expected the mass of a tool that has a surface, got 0 kg"
+
+
 def load_warnings(scene: Scene) -> Iterator[str]:
     """What is stated of loads, drives and noise beyond what the arm's data allow, one line each."""
     yield from _masses(scene)

@@ -24,7 +24,7 @@ from contactsense.scene_model.scene_surfaces import scene_surfaces
 from contactsense.scene_model.wrench_map import WrenchMap
 from contactsense.sensors.settings import LinkWrenchSensor, Meaning, WrenchSensor
 from contactsense.service.scene.link_reading_at_rest import link_reading_at_rest
-from contactsense.service.scene.load_warnings import load_warnings
+from contactsense.service.scene.load_warnings import load_warnings, weightless_tool
 
 _MEANINGS: dict[Meaning, str] = {
     "motor": "the motors' torque: gravity, inertia, rotors and friction are in it",
@@ -107,6 +107,7 @@ def scene_warnings(scene: Scene) -> tuple[str, ...]:
     """What is possible but cannot work well, one line each, with the field to change."""
     found = [
         *_mass_warnings(scene),
+        *weightless_tool(scene),
         *load_warnings(scene),
         *_range_warnings(scene, "base_wrench", scene.base_wrench, "arm"),
     ]

@@ -82,6 +82,12 @@ def test_what_cannot_be_is_refused(ordinary: Localizer, changes: dict[str, objec
         ordinary.locate_batch(**rows)  # type: ignore[arg-type]
 
 
+def test_an_infinite_position_is_none_in_degrees() -> None:
+    found = PlausibleLimits(Scene(robot=ARM)).position(np.where(np.arange(6) == 2, np.inf, Q))
+    assert found is not None
+    assert found.reason == "expected finite positions, got inf for elbow_joint"
+
+
 def test_what_can_be_is_located(ordinary: Localizer) -> None:
     assert ordinary.locate(Q, base_wrench=PUSH.base_wrench, joint_torque=PUSH.joint_torque).contacts
     raw = ordinary.locate(Q, base_wrench=RAW.base_wrench, joint_torque=RAW.joint_torque, external=False)

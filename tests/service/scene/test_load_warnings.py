@@ -5,10 +5,11 @@ import dataclasses
 import pytest
 
 from contactsense import JointTorqueSensor, Scene, WrenchSensor, robots
+from contactsense.robots.primitives import Sphere
 from contactsense.robots.tool import Tool
 from contactsense.scene import SceneError
 from contactsense.sensors.settings import Friction, LinkInertia
-from contactsense.service.scene.load_warnings import load_warnings
+from contactsense.service.scene.load_warnings import load_warnings, weightless_tool
 
 NONE = (0.0,) * 6
 RATED = {"ur3e": 3.0, "ur5e": 5.0, "ur10e": 12.5, "ur16e": 16.0, "ur20": 20.0}
@@ -30,6 +31,14 @@ def test_an_arm_of_ones_own_that_is_too_heavy_for_its_joints_is_told() -> None:
     assert not list(load_warnings(Scene(robot=dataclasses.replace(arm, file=None))))
     (found,) = load_warnings(Scene(robot=dataclasses.replace(arm, file=None, links=links)))
     assert found.startswith("robot: expected a weight that shoulder_lift_joint can hold (150 Nm), got ")
+
+
+def test_a_tool_with_a_surface_weighs_something() -> None:
+    shapes = (Sphere(center=(0.0, 0.0, 0.1), radius=0.03),)
+    (found,) = weightless_tool(Scene(robot="ur5e", tool=Tool(primitives=shapes)))
+    assert found == "tool.mass: expected the mass of a tool that has a surface, got 0 kg"
+    assert not list(weightless_tool(Scene(robot="ur5e", tool=Tool(mass=0.1, primitives=shapes))))
+    assert not list(weightless_tool(Scene(robot="ur5e", tool=Tool())))
 
 
 @pytest.mark.parametrize(("arm", "mass"), RATED.items())
