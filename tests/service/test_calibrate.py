@@ -143,12 +143,14 @@ def test_what_was_left_out_as_a_contact_is_no_reason_for_doubts(
     assert kept == [motion.row_of(i) for i in range(len(motion.t)) if not first <= i <= last]
 
 
+@pytest.mark.slow
 def test_contacts_that_are_kept_are_told(folder: Path) -> None:
     files = [str(folder / "pushed.csv"), "--scene", str(folder / "scene.yaml"), "--keep-contacts"]
     result = CliRunner().invoke(calibrate, files)
     assert re.search(r"--keep-contacts has used 3 stretches .* in .*pushed\.csv", result.output)
 
 
+@pytest.mark.slow
 def test_the_former_scene_is_kept_with_its_comments(folder: Path, tmp_path: Path) -> None:
     scene, text = tmp_path / "scene.yaml", "# my cell\n" + (folder / "scene.yaml").read_text()
     scene.write_text(text)

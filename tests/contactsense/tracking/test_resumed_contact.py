@@ -165,5 +165,6 @@ def test_a_new_stream_resumes_nothing(localizer: Localizer) -> None:
     assert "resume" not in kinds
 
 
+@pytest.mark.slow
 def test_a_contact_resumes_where_several_are_looked_for() -> None:
     assert _changes(list(Localizer(plain_scene(contacts=2)).run(pushed_arm((KNOCK, REBOUND))))) == RESUMED
