@@ -24,7 +24,7 @@ from contactsense.robots.attribute_docs import with_attributes
 from contactsense.robots.field_errors import Place, describe, reasons
 from contactsense.robots.file_model import FileModel
 from contactsense.robots.file_references import located
-from contactsense.robots.library import in_library, surface_file
+from contactsense.robots.library import in_library, is_library_file
 from contactsense.robots.primitives import Vector
 from contactsense.robots.robot import NO_MASS, Inertia
 from contactsense.robots.rotations import rotation_from_rpy
@@ -92,7 +92,7 @@ def _reference(robot: Robot) -> str:
     does the library's file where something of its arm was changed."""
     if in_library(robot):
         return robot.name
-    if robot.file is None or robot.file.parent == surface_file(robot.name).parent:
+    if robot.file is None or is_library_file(robot.file):
         return f"{robot.name} (built in Python)"
     return str(robot.file.absolute())
 

@@ -115,6 +115,11 @@ def in_library(robot: Robot) -> bool:
     return replace(robot, joints=joints) == arm
 
 
+def is_library_file(path: Path) -> bool:
+    """Whether a file belongs to the library."""
+    return path.parent == _folder()
+
+
 def surface_file(name: str) -> Path:
     """Path of the surface file of an arm in the library."""
     return _folder() / f"{name}.surface.yaml"

@@ -13,7 +13,7 @@ import pyarrow as pa
 from contactsense import BlockEstimates, Localizer, SampleBlock
 from contactsense.runtime.block_runner import MAX_BLOCK
 from contactsense.scene import Scene, check_scene
-from contactsense.service.analysis.contact_history import ContactCollector, ContactHistory
+from contactsense.service.analysis.contact_history import SENSED, ContactCollector, ContactHistory
 from contactsense.service.analysis.contact_summary import ContactSummary
 from contactsense.service.analysis.contact_table import contact_table
 from contactsense.service.analysis.force_limits import ForceLimits
@@ -285,17 +285,13 @@ class AnalysisRun:
         Returns:
             None if no sensor is left that all contacts are smoothed by.
         """
-        silent = frozenset(name for name, there in zip(SMOOTHED_BY, sensed, strict=True) if not there)
+        silent = frozenset(name for name, there in zip(SENSED, sensed, strict=True) if not there)
         silent &= {field for field, there in in_scene(self.scene).items() if there}
         if silent not in self._smoothers:
             scene = without_sensors(self.scene, silent)
             none = scene.base_wrench is None and scene.joint_torque is None
             self._smoothers[silent] = None if none else ContactSmoother(scene)
         return self._smoothers[silent]
-
-
-SMOOTHED_BY = ("base_wrench", "joint_torque")
-"""Sensors by which contacts are smoothed, in the order of `ContactHistory.sensed`."""
 
 
 def _span(recording: Recording | RecordingFile) -> tuple[float | None, float | None]:

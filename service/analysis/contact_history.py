@@ -13,6 +13,8 @@ from contactsense.tracking.contact_track import NONE
 
 MAX_SAMPLES = 30_000
 """A longer history keeps only every other sample, so that memory is bounded."""
+SENSED = ("base_wrench", "joint_torque")
+"""Sensors whose samples a history knows to be usable, in the order of `ContactHistory.usable`."""
 _OF_SAMPLES = (
     "row", "phase", "energy", "usable", "base_wrench", "base_wrench_std", "joint_torque", "joint_torque_std",
 )  # fmt: skip
@@ -36,7 +38,7 @@ class ContactHistory:
     energy: np.ndarray
     """Energy of the no-contact hypothesis, shape (N,)."""
     usable: np.ndarray
-    """Whether base wrench and joint torques were neither silent nor settling, shape (N, 2), bool."""
+    """Whether the sensors of `SENSED` were neither silent nor settling, shape (N, 2), bool."""
     base_wrench: np.ndarray
     """External base wrench, low-passed, shape (N, 6) [N, Nm]."""
     base_wrench_std: np.ndarray
@@ -76,7 +78,7 @@ class ContactHistory:
 
     @property
     def sensed(self) -> np.ndarray:
-        """Whether most of the touched samples have base wrench and joint torques, shape (2,), bool."""
+        """Whether most of the touched samples have each of `SENSED`, shape (2,), bool."""
         on = self.phase != NONE
         return np.asarray(2 * np.count_nonzero(self.usable[on], axis=0) > np.count_nonzero(on))
 

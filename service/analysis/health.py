@@ -6,6 +6,7 @@ from contactsense.sensors.timing import LONGEST_FIRST_STEP
 from contactsense.service.analysis.analysis import Analysis
 from contactsense.service.analysis.present_sensors import in_scene
 from contactsense.service.recordings.column_mapping import unit_hint
+from contactsense.service.recordings.time_extent import UNORDERED_ADVICE
 
 TOO_LARGE = 1.3
 """Residuals larger than this many standard deviations indicate a wrong model or wrong noise."""
@@ -70,7 +71,7 @@ def health(analysis: Analysis) -> list[tuple[bool, str]]:
             (
                 False,
                 "timestamp: expected rows in the order of time, got many that are earlier than the row "
-                "before. Sort them, or name another column with --columns timestamp=NAME.",
+                f"before. {UNORDERED_ADVICE}.",
             )
         )
         return findings

@@ -6,6 +6,7 @@ import pyarrow as pa
 from contactsense import BlockEstimates
 from contactsense.runtime.result_rows import FORCE, LINK, POINT, POINT_BASE, PROBABILITY, TORSION
 from contactsense.scene import Scene
+from contactsense.service.analysis.contact_history import SENSED
 
 
 def sample_table(rows: np.ndarray, found: BlockEstimates, scene: Scene) -> pa.Table:
@@ -35,7 +36,7 @@ def sample_table(rows: np.ndarray, found: BlockEstimates, scene: Scene) -> pa.Ta
         "flags": pa.array(found.flags),
         "energy": pa.array(found.energy),
     }
-    for number, sensor in enumerate(("base_wrench", "joint_torque")):
+    for number, sensor in enumerate(SENSED):
         absent = ~found.usable[:, number]
         for name in (sensor, f"{sensor}_std"):
             values = getattr(found, name)

@@ -19,6 +19,7 @@ from contactsense.service.api.settings import Settings, SettingsError
 from contactsense.service.api.token_file import TokenError, read_token
 from contactsense.service.cli.finite_range import FiniteRange
 from contactsense.service.cli.option_names import as_options
+from contactsense.service.cli.output_file import check_writable
 from contactsense.service.cli.record_by_service import record_by_service
 from contactsense.service.cli.sensor_options import from_environment, sensor_options
 from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError, read, scene_in
@@ -171,6 +172,7 @@ def _convert(origin: Path, out: Path, scene_path: Path | None, columns: str | No
     if out.exists() and origin.exists() and out.samefile(origin):
         # The new file has only the columns that were read.
         raise click.ClickException(f"--out: expected another file than that of --from, got {out}")
+    check_writable("--out", out)
     scene = scene_in(origin) if scene_path is None else Scene.load(scene_path)
     # What is written has the sensors' delays, too.
     recording = read(origin, without_delays(scene), ColumnMapping.parse(columns))

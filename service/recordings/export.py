@@ -43,19 +43,19 @@ def write_columns(path: str | Path, columns: Mapping[str, np.ndarray]) -> None:
 
 
 def check_format(path: Path) -> None:
-    """Refuse a file that no table can be written to.
+    """Check the name of a file for a table.
 
     Raises:
-        RecordingError: Its name tells no known format, or there is no folder for it.
+        RecordingError: It tells no known format.
     """
     if path.suffix not in (".parquet", ".csv"):
         raise RecordingError(f"{path}: expected a name that ends in .parquet or .csv")
-    if not path.parent.is_dir():
-        raise RecordingError(f"{path}: there is no folder {path.parent}")
 
 
 def _write_table(table: pa.Table, path: Path) -> None:
     check_format(path)
+    if not path.parent.is_dir():  # otherwise the error names a temporary file
+        raise RecordingError(f"{path}: there is no folder {path.parent}")
     try:
         if path.suffix == ".parquet":
             write_parquet(table, path)

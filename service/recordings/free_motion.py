@@ -13,7 +13,7 @@ from contactsense.sensors.timing import LONGEST_GAP
 from contactsense.service.recordings.column_mapping import ColumnMapping, unit_hint
 from contactsense.service.recordings.problems import Problem, RecordingError
 from contactsense.service.recordings.recording_file import RecordingFile
-from contactsense.service.recordings.time_extent import UNORDERED
+from contactsense.service.recordings.time_extent import UNORDERED, UNORDERED_ADVICE
 
 _SHORTEST = 3
 """Minimum number of samples between two clock resets; shorter sections are not used."""
@@ -58,7 +58,7 @@ def read_free_motion(
     if len(resets) > UNORDERED * len(found):
         raise RecordingError(
             f"{path}: timestamp: expected rows in the order of time, got {len(resets)} of {len(found)} that "
-            "are earlier than the row before. Sort them, or name another column with --columns timestamp=NAME"
+            f"are earlier than the row before. {UNORDERED_ADVICE}"
         )
     stretches = []
     for rows in np.split(np.arange(len(found)), resets):

@@ -82,16 +82,17 @@ class ParquetFolder:
         self._parts = [ParquetTable(file) for file in files]
         self.names = [n for n in self._parts[0].names if all(n in part.names for part in self._parts)]
         self.others = self._parts[0].others
-        self.meta = self._parts[0].meta
+        first = self._parts[0].meta
+        self.meta = dict(first)
         for file, part in zip(files, self._parts, strict=True):
             both = f"{files[0].relative_to(path)} and {file.relative_to(path)}"
-            if removed_delays_of_meta(part.meta) != removed_delays_of_meta(self.meta):
+            if removed_delays_of_meta(part.meta) != removed_delays_of_meta(first):
                 raise RecordingError(
                     f"{path}: in one of {both} the delays of the sensors have been taken off, in the other "
                     "they have not, or others have: read them one by one"
                 )
-            if part.meta.get(PREFIX + "scene_hash") != self._parts[0].meta.get(PREFIX + "scene_hash"):
-                self.meta = self.meta | {PREFIX + CONFLICT: both}
+            if part.meta.get(PREFIX + "scene_hash") != first.get(PREFIX + "scene_hash"):
+                self.meta[PREFIX + CONFLICT] = both
         self.problems: list[Problem] = []
         self.rows: int | None = sum(part.rows or 0 for part in self._parts)
 

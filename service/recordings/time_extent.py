@@ -10,6 +10,10 @@ UNORDERED = 0.1
 no clock is set back so often."""
 
 
+UNORDERED_ADVICE = "Sort them, or name another column with --columns timestamp=NAME"
+"""What to do with such a recording."""
+
+
 @dataclass
 class TimeExtent:
     """The times that have been added so far, none of which is NaN."""

@@ -12,7 +12,7 @@ from contactsense.service.sensors.time_alignment import Aligned
 
 _WIDEST = 0.02
 """Readings that are further apart are not interpolated [s]."""
-_SAME = 1e-6
+SAME_INSTANT = 1e-6
 """Two instants that differ by less are the same [s]."""
 
 
@@ -54,7 +54,7 @@ class FieldWrench:
         instant = record.timestamp + self._delay
         later: tuple[float, np.ndarray] | None = None
         for t, reading in reversed(self._readings):
-            if abs(t - instant) <= _SAME:
+            if abs(t - instant) <= SAME_INSTANT:
                 return Aligned(reading, 0.0)
             if t < instant:
                 if later is None or later[0] - t > _WIDEST:

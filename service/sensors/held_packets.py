@@ -3,12 +3,11 @@
 from collections import deque
 from collections.abc import Iterator
 
+from contactsense.service.sensors.field_wrench import SAME_INSTANT
 from contactsense.service.sensors.robot_stream import NS, RobotRecord
 
 _SILENCE = 0.05
 """A robot that has been silent for this long beyond the wait sends no later packets for now [s]."""
-_SAME = 1e-6
-"""Two instants that differ by less are the same [s]."""
 
 
 class HeldPackets:
@@ -28,7 +27,7 @@ class HeldPackets:
         while self._held:
             waited = newest.timestamp - self._held[0].timestamp
             # A clock that was set back says nothing of the packets before.
-            if 0.0 <= waited < self._wait - _SAME:
+            if 0.0 <= waited < self._wait - SAME_INSTANT:
                 return
             yield self._held.popleft()
 

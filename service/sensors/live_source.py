@@ -86,7 +86,8 @@ class SourceSettings:
     """Whether readings may stay constant, like those of a simulator without noise; otherwise a signal that
     never changes counts as frozen."""
     wrench_wait: float = 0.003
-    """Maximum time that a robot sample waits for the force/torque reading of its instant [s]."""
+    """Maximum time that a robot sample waits for the force/torque reading of its instant, beyond the delay of
+    the readings [s]."""
 
 
 class RawObserver(Protocol):
