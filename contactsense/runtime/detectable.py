@@ -50,12 +50,12 @@ class DetectableForce:
     def reset(self) -> None:
         """A new stream begins."""
         self.value, self.left = math.inf, 0
-        """The value [N], and for how many samples more it is kept."""
-        self._sensors = -1
+        """The value [N], and for how many samples more `in_stream` keeps it."""
+        self._sensors, self._kept = -1, 0
 
     def in_stream(self) -> float:
-        """Of the newest sample of the stream [N]; infinite where no force is sure to be detected. The value
-        is up to 64 samples old."""
+        """Of the newest sample of the stream, which all sensors of the scene have measured [N]; infinite
+        where no force is sure to be detected. The value is up to 64 samples old."""
         if self.left > 0:
             self.left -= 1
             return self.value
@@ -65,10 +65,11 @@ class DetectableForce:
     def after_change(self, sensors: int) -> float:
         """The same where a sensor may have failed since: never older than the set of usable sensors, of which
         `sensors` is the code, see `usable_residuals_code_in_python`."""
-        if self.left > 0 and sensors == self._sensors:
-            self.left -= 1
+        if self._kept > 0 and sensors == self._sensors:
+            self._kept -= 1
             return self.value
-        self.left = _INTERVAL
+        # Which sensors the next sample has is not known to `in_stream`.
+        self._kept, self.left = _INTERVAL, 0
         return self._update()
 
     def of_measurement(self, usable: Usable) -> float:

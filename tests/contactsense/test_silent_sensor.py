@@ -54,3 +54,20 @@ def test_a_sensor_that_returns_is_named_until_it_is_used_again(sensor: str) -> N
             assert estimate.reason == f"{sensor} is settling after its start: not used yet"
         elif SETTLED - 1 <= i <= SETTLED or i > settled:
             assert estimate.reason == ""
+
+
+@pytest.mark.parametrize("silent", [30, 60])
+def test_what_is_detectable_is_known_again_as_soon_as_the_sensor_is(silent: int) -> None:
+    """Without the base sensor it is infinite. That must not outlast the outage: `none` would mean nothing."""
+    motion = simulate(SCRIPT)
+    columns = zip(motion.t, motion.q, motion.qd, motion.joint_torque, motion.base_wrench, strict=True)
+    localizer = Localizer(Scene(robot="ur5e"))
+    outage = range(SETTLED, SETTLED + silent)
+    free = []
+    for i, values in zip(range(SETTLED + silent + 2 * BACK), columns, strict=False):
+        sample = Sample(*values)
+        estimate = localizer.step(replace(sample, base_wrench=None) if i in outage else sample)
+        assert i < SETTLED or math.isfinite(estimate.detectable) == (estimate.status == "none"), i
+        free.append(estimate.status == "none")
+    assert not all(free[SETTLED:])
+    assert all(free[-BACK:])
