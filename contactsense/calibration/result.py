@@ -131,11 +131,12 @@ def scene_of(
     if "tilt" in changed:
         update["mounting"] = _mounting(arm)
     if "payload" in changed:
-        tool = scene.tool or Tool()
         mass = max(float(arm.payload[0]), 0.0)
-        # Where next to no mass is, its place is that of the noise.
-        com = tuple(_round(arm.payload[1:] / mass)) if mass > MIN_TOOL_MASS else tool.com
-        update["tool"] = tool.model_copy(update={"mass": _round(np.array([mass]))[0], "com": com})
+        tool = scene.tool or (Tool() if mass > MIN_TOOL_MASS else None)
+        if tool is not None:
+            # Where next to no mass is, its place is that of the noise.
+            com = tuple(_round(arm.payload[1:] / mass)) if mass > MIN_TOOL_MASS else tool.com
+            update["tool"] = tool.model_copy(update={"mass": _round(np.array([mass]))[0], "com": com})
     if "links" in changed:
         masses, coms, tensors = bodies_of(arm.links)
         update["inertia"] = {

@@ -24,12 +24,20 @@ def test_residuals_are_those_of_the_recordings_that_have_the_sensor() -> None:
     assert np.isnan([found.rms[2], found.tail[2]]).all()
 
 
-@pytest.mark.parametrize("tool", [None, Tool(mass=0.0, com=(0.01, 0.0, 0.05))])
-def test_what_weighs_next_to_nothing_is_not_placed_by_the_noise(tool: Tool | None) -> None:
-    scene = Scene(robot="ur5e", tool=tool)
-    arm = CalibrationModel.of(scene).with_values(payload=np.array([3e-4, 0.002, 0.0, 0.0]))
-    found = scene_of(arm, {"payload"}, None, {}).tool
+def test_what_weighs_next_to_nothing_is_not_placed_by_the_noise() -> None:
+    tool = Tool(mass=0.0, com=(0.01, 0.0, 0.05))
+    found = _with_payload(Scene(robot="ur5e", tool=tool), 3e-4).tool
     assert found is not None
     assert found.mass == pytest.approx(3e-4)
-    assert found.com == (tool or Tool()).com
-    carried_by(scene.robot.mass, found)
+    assert found.com == tool.com
+    carried_by(Scene(robot="ur5e").robot.mass, found)
+
+
+@pytest.mark.parametrize("mass", [-0.01, 3e-4, 0.5])
+def test_an_arm_without_a_tool_gets_one_only_if_it_carries_something(mass: float) -> None:
+    assert (_with_payload(Scene(robot="ur5e"), mass).tool is None) == (mass < 0.1)
+
+
+def _with_payload(scene: Scene, mass: float) -> Scene:
+    arm = CalibrationModel.of(scene).with_values(payload=np.array([mass, 0.002, 0.0, 0.0]))
+    return scene_of(arm, {"payload"}, None, {})
