@@ -9,6 +9,7 @@ import pyarrow.parquet as pa_parquet
 
 from contactsense.service.recordings.metadata import CONFLICT, PREFIX, removed_delays_of_meta
 from contactsense.service.recordings.problems import Problem, RecordingError
+from contactsense.service.recordings.repeated_clips import without_repeated_clips
 from contactsense.service.recordings.table import (
     Columns,
     check_twice,
@@ -73,10 +74,12 @@ class ParquetTable:
 
 
 class ParquetFolder:
-    """All Parquet files below a folder, sorted by name, without tables of raw readings."""
+    """All Parquet files below a folder, sorted by name, without tables of raw readings and without clips of
+    what was recorded anyway."""
 
     def __init__(self, path: Path) -> None:
-        files = sorted(file for file in path.rglob("*.parquet") if not file.name.startswith(RAW_READINGS))
+        found = (file for file in path.rglob("*.parquet") if not file.name.startswith(RAW_READINGS))
+        files = without_repeated_clips(sorted(found))
         if not files:
             raise RecordingError(f"{path}: expected a folder with .parquet files of samples, got none")
         self._parts = [ParquetTable(file) for file in files]

@@ -17,6 +17,7 @@ import pyarrow.parquet as pa_parquet
 
 from contactsense.sensors.timing import LONGEST_FIRST_STEP
 from contactsense.service.recordings.parquet_tables import RAW_READINGS
+from contactsense.service.recordings.repeated_clips import without_repeated_clips
 from contactsense.service.recordings.table import floats
 
 SEGMENT_TIME = 600.0
@@ -112,11 +113,12 @@ def _is_result(path: Path, out: Path) -> bool:
 
 
 def _inside(folder: Path) -> list[Path]:
-    """Recordings below a folder; a rosbag2 folder is one, a table of raw force/torque readings is not."""
+    """Recordings below a folder; a rosbag2 folder is one, a table of raw force/torque readings is not, nor is
+    a clip of what was recorded anyway."""
     bags = {p.parent for name in ("metadata.yaml", "*.db3") for p in folder.rglob(name)} - {folder}
     files = (p for p in folder.rglob("*") if p.is_file() and p.name.endswith(SUFFIXES))
     single = {p for p in files if not p.name.startswith((".", RAW_READINGS)) and p.parent not in bags}
-    return sorted(single | bags)
+    return without_repeated_clips(sorted(single | bags))
 
 
 def segments(file: DatasetFile, length: float = SEGMENT_TIME) -> Iterator[Segment]:
