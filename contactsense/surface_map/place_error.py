@@ -20,7 +20,7 @@ import numpy as np
 
 from contactsense.localization.ranking import LINE_OF_ACTION_DEVIATION
 from contactsense.solvers.posterior.contact_prior import FORCE_POWER, STUDENT_DOF, Prior
-from contactsense.solvers.posterior.equations import LEAST_WEIGHT
+from contactsense.solvers.posterior.gauss_newton import LEAST_WEIGHT
 from contactsense.surface_map.places import Places
 from contactsense.surface_map.sensor_response import wrench
 

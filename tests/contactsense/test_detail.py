@@ -26,7 +26,7 @@ def _scene(robot: str, detail: str) -> Scene:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("robot", ["ur5e", "ur10e"])
+@pytest.mark.parametrize("robot", ["ur5e", pytest.param("ur10e", marks=pytest.mark.long)])
 def test_more_detail_is_nearer_to_the_truth(robot: str) -> None:
     data = truth(f"static_points_{robot}.npz")
     median, p95 = {}, {}

@@ -12,9 +12,9 @@ from contactsense.solvers.posterior.contact_prior import Contact, Prior, SearchB
 from contactsense.solvers.posterior.equations import (
     Inflation,
     energy_of,
-    gauss_newton_equations,
     inflate,
 )
+from contactsense.solvers.posterior.gauss_newton import gauss_newton_equations
 
 
 @fused_kernel

@@ -20,9 +20,9 @@ from contactsense.solvers.posterior.contact_prior import Contact, Prior
 from contactsense.solvers.posterior.equations import (
     Information,
     energy_of,
-    gauss_newton_equations,
     inflate,
 )
+from contactsense.solvers.posterior.gauss_newton import gauss_newton_equations
 
 from contactsense.solvers.posterior.block import (  # isort: skip
     AX, AY, AZ, BX, BY, BZ, CX, CY, CZ, D00, D01, D02, D10, D11, D12, D20, D21, D22, DECREASE, DET,

@@ -51,7 +51,7 @@ def test_clips_alone_and_other_files_stay(tmp_path: Path) -> None:
     for name in ("clip-2.parquet", "service-2.parquet"):
         (tmp_path / name).write_bytes(b"PAR1, then nothing")
     _table(tmp_path / "service-3.parquet", 300.0, 310.0)
-    kept = [*files, tmp_path / "clip-2.parquet", tmp_path / "service-2.parquet", tmp_path / "service-3.parquet"]
+    kept = [*files, *(tmp_path / f"{name}.parquet" for name in ("clip-2", "service-2", "service-3"))]
     assert without_repeated_clips(kept) == kept
 
 
