@@ -248,13 +248,19 @@ class StaticLocalizer:
         wrist_wrench: np.ndarray | None = None,
         link_wrenches: Mapping[str, np.ndarray] | None = None,
         external: bool = True,
+        detect: bool = True,
         jobs: int | None = None,
     ) -> Batch:
         """Explain N measurements of an arm at rest, each by its most probable contact.
 
         The arguments are those of `locate` with a leading axis N; `jobs` is the number of threads, one per
-        core if None. `detected` reports whether a sample shows a contact; the best candidate is returned in
-        any case. The first call loads the kernel, and compiles it where it is not in the cache.
+        core if None. `Batch.detected` reports whether a sample shows a contact; the best candidate is
+        returned in any case. With `detect=False` contacts are known to be present, and whether the
+        measurements can be is not checked. The first call loads the kernel, and compiles it where it is not
+        in the cache.
+
+        Raises:
+            ValueError: as `locate`; the message names the first such row.
         """
         q = checked_rows("q", q, None, self._joints, "rad")
         n = len(q)
@@ -267,7 +273,7 @@ class StaticLocalizer:
         ]
         link_rows = {name: checked_rows(name, value, n, 6, "N, Nm") for name, value in links.items()}
         base, torque = rows
-        for i in self._plausible.suspects(q, base, torque, link_rows, external):
+        for i in self._plausible.suspects(q, base, torque, link_rows, external) if detect else ():
             row = [None if value is None else value[i] for value in rows]
             link_row = {name: value[i] for name, value in link_rows.items()}
             self._refuse_implausible(f"[{i}]", q[i], row, link_row, external)

@@ -278,6 +278,7 @@ class _Simulation:
             base_wrench=base.reshape(-1, 6) if scene.base_wrench is not None else None,
             joint_torque=torque.reshape(len(self._q), -1) if scene.joint_torque is not None else None,
             wrist_wrench=wrist.reshape(-1, 6) if scene.wrist_wrench is not None else None,
+            detect=False,
         )
         return Batch(*(values.reshape(*self._shape, *values.shape[1:]) for values in batch))
 

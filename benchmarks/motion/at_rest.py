@@ -49,6 +49,7 @@ def locate_at_rest(
         q,
         base_wrench=reading if sensors[0] else None,
         joint_torque=torque if sensors[1] else None,
+        detect=False,
     )
 
 

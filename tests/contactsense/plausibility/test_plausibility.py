@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from contactsense import Localizer, Scene, WrenchSensor, forward_model
+from contactsense import JointTorqueSensor, Localizer, Scene, WrenchSensor, forward_model
 from contactsense.benchmarks.motion.model_error import heavier
 from contactsense.plausibility.plausible_limits import PlausibleLimits
 from contactsense.robots.tool import Tool
@@ -80,6 +80,21 @@ def test_what_cannot_be_is_refused(ordinary: Localizer, changes: dict[str, objec
     field = message[1 : message.index(":")]
     with pytest.raises(ValueError, match=rf"^{field}\[\d\]{message[message.index(':') :]}"):
         ordinary.locate_batch(**rows)  # type: ignore[arg-type]
+
+
+def test_known_contacts_are_located_whatever_the_measurements_are() -> None:
+    """As `locate` does with `detect=False`: noise may take the torque of a weak joint beyond its limit."""
+    localizer = Localizer(Scene(robot=ARM, joint_torque=JointTorqueSensor(noise=20.0)))
+    torque = RAW.joint_torque + np.array([0.0, 0.0, 0.0, 0.0, 0.0, 50.0])
+    rows = {"base_wrench": RAW.base_wrench[None], "joint_torque": torque[None], "external": False}
+    with pytest.raises(ValueError, match=r"^joint_torque\[0\]: expected at most"):
+        localizer.locate_batch(Q[None], **rows)
+    found = localizer.locate_batch(Q[None], **rows, detect=False)
+    alone = localizer.locate(
+        Q, base_wrench=RAW.base_wrench, joint_torque=torque, external=False, detect=False
+    ).contacts[0]
+    assert found.link[0] == alone.link_index
+    np.testing.assert_allclose(found.point_base[0], alone.point_base, atol=1e-6)
 
 
 def test_an_infinite_position_is_none_in_degrees() -> None:
