@@ -114,9 +114,10 @@ class Heat:
                     self._handles.append(self._nodes.add_mesh_trimesh(f"{link_node(i)}/heat", mesh))
             self.drawn = True
             self._legend = (
-                f"Smallest push that is noticed: {low:.1f} N (bright) to {high:.1f} N (dark); grey: larger."
+                f"Smallest push that one measurement detects: {low:.1f} N (bright) to {high:.1f} N (dark); "
+                "grey: larger."
                 if len(felt)
-                else "No push is sure to be noticed."
+                else "No push is sure to be detected."
             )
 
     def _remove(self) -> None:

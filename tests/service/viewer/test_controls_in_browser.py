@@ -84,10 +84,10 @@ def test_probability_colours_the_touched_link(shown: Shown) -> None:
     assert forearm.sum() < upper_arm.sum()
 
 
-def test_heat_is_brighter_where_smaller_pushes_are_noticed(shown: Shown) -> None:
+def test_heat_is_brighter_where_smaller_pushes_are_detected(shown: Shown) -> None:
     """A push on the forearm has a longer lever than one on the upper arm."""
     shown.page.choose("Colour", "detectable force")
-    shown.page.wait_for("Smallest push that is noticed: ")
+    shown.page.wait_for("Smallest push that one measurement detects: ")
     heat = between(HEAT, np.linspace(0.0, 1.0, 100))
     places = []
     for colour in seen(shown):

@@ -14,7 +14,7 @@ SCENE = Scene(robot="ur5e")
 POINT = np.array([-0.2, 0.05, 0.0])
 
 
-def test_without_contact_they_tell_what_would_be_noticed() -> None:
+def test_without_contact_they_tell_what_would_be_detected() -> None:
     assert (
         in_words(estimate(SCENE))
         == "**No contact detected.**\n\nA held push of 3.2 N would be detected anywhere."
