@@ -11,9 +11,10 @@ import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import FunctionType
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args, get_type_hints
 
 import numba
+import numpy as np
 from numba import njit
 from numba.core.caching import IndexDataCacheFile
 from numba.core.compiler_lock import global_compiler_lock
@@ -294,16 +295,33 @@ def _dependencies(compiled: Any, dependencies: set[tuple[str, ...]], seen: set[A
     dependencies.add(("file", _relative_path(function.__code__.co_filename)))
     if _GENERATED in function.__globals__:
         dependencies.add(("source", function.__globals__[_GENERATED]))
+    for hint in get_type_hints(function).values():
+        _declarations(hint, dependencies)
     for name in function.__code__.co_names:
         value = function.__globals__.get(name)
-        if isinstance(value, int | float | str | tuple):
+        if isinstance(value, int | float | str | tuple | slice | np.dtype):
             dependencies.add(("constant", name, repr(value)))
+        elif isinstance(value, np.ndarray):
+            dependencies.add(("constant", name, str(value.dtype), repr(value.tolist())))
         elif isinstance(value, type):
             path = getattr(sys.modules[value.__module__], "__file__", None)
             if path is not None:
                 dependencies.add(("file", _relative_path(path)))
         elif callable(value):
             _dependencies(value, dependencies, seen)
+
+
+def _declarations(hint: Any, dependencies: set[tuple[str, ...]]) -> None:
+    """Add the named tuples in the type of an argument. Numba takes two of them for the same type if the types
+    of their fields are, in whatever order the names; but code refers to fields by their place."""
+    if hasattr(hint, "_fields"):
+        item = ("fields", f"{hint.__module__}.{hint.__qualname__}", *hint._fields)
+        if item not in dependencies:
+            dependencies.add(item)
+            for field in get_type_hints(hint).values():
+                _declarations(field, dependencies)
+    for part in get_args(hint):
+        _declarations(part, dependencies)
 
 
 def _relative_path(path: str) -> str:

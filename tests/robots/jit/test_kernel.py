@@ -70,6 +70,50 @@ def test_the_cache_depends_on_other_files(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    ("before", "after", "expected"),
+    [
+        # Numba compares the types of the fields only.
+        ("numerator: Floats; denominator: Floats", "denominator: Floats; numerator: Floats", (0.5, 2.0)),
+        ("PART = slice(0, 1)", "PART = slice(1, 2)", (0.5, 1.0)),
+        ("TABLE = np.array([1.0, 2.0])", "TABLE = np.array([3.0, 2.0])", (0.5, 1.5)),
+    ],
+)
+def test_the_cache_depends_on_declarations_and_constants_of_other_files(
+    tmp_path: Path, before: str, after: str, expected: tuple[float, float]
+) -> None:
+    inner = (
+        "import numpy as np\n"
+        "from typing import Annotated, NamedTuple\n"
+        "from contactsense.robots.jit.declaration import Floats\n"
+        "PART = slice(0, 1)\n"
+        "TABLE = np.array([1.0, 2.0])\n"
+        "class Ratio(NamedTuple):\n"
+        "    numerator: Floats; denominator: Floats\n"
+        "class Holder(NamedTuple):\n"
+        "    ratio: Annotated[Ratio, 'held']\n"
+    )
+    (tmp_path / "outer.py").write_text(
+        "import numpy as np\n"
+        "from contactsense.robots.jit.kernel import kernel\n"
+        "from inner import PART, TABLE, Holder, Ratio\n"
+        "@kernel\n"
+        "def _outer(holder: Holder) -> float:\n"
+        "    ratio = holder.ratio\n"
+        "    return TABLE[0] * ratio.numerator[PART][0] / ratio.denominator[0]\n"
+        "def outer(x):\n"
+        "    return _outer(Holder(Ratio(np.array([x, 2.0 * x]), np.array([2.0 * x, x]))))\n"
+        "outer.stats = _outer.stats\n"
+    )
+    for text, result in zip((inner, inner.replace(before, after)), expected, strict=True):
+        (tmp_path / "inner.py").write_text(text)
+        assert _run(tmp_path) == result
+        assert _run.hits == 0  # type: ignore[attr-defined]
+    assert _run(tmp_path) == expected[1]
+    assert _run.hits == 1  # type: ignore[attr-defined]
+
+
+@pytest.mark.slow
 def test_with_nowhere_to_write_kernels_are_compiled_in_memory() -> None:
     program = (
         "import numba.core.caching as caching\n"
