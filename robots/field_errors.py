@@ -3,6 +3,7 @@
 import re
 import reprlib
 from collections.abc import Callable, Iterable, Mapping
+from itertools import islice
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
@@ -48,11 +49,13 @@ _SHORT.maxstring = _SHORT.maxother = 60
 _SHORT.maxlist = _SHORT.maxtuple = _SHORT.maxdict = 8
 _MOST_LISTED = 20
 """A message about an unknown field lists the known ones if there are no more."""
+_MOST_ISSUES = 100
+"""So many errors are put into words; whoever has corrected these sees the next ones."""
 _LITERALS = {None: "null", True: "true", False: "false"}
 
 
 def reasons(issues: Iterable[Mapping[str, Any]], annotation: Any) -> dict[Place, str]:
-    """Field -> what was expected and what was given, of pydantic's errors.
+    """Field -> what was expected and what was given, of the first 100 of pydantic's errors.
 
     Of a field that may have one of several types, the errors of the type that came closest are given.
 
@@ -61,7 +64,7 @@ def reasons(issues: Iterable[Mapping[str, Any]], annotation: Any) -> dict[Place,
         annotation: What was validated: a model or another type.
     """
     found: dict[Place, tuple[list[str], str]] = {}
-    for issue in issues:
+    for issue in islice(issues, _MOST_ISSUES):
         place = find(annotation, issue["loc"]).place
         last = place[-1] if place else None
         if issue["type"] == "missing" and isinstance(last, int):
@@ -71,11 +74,8 @@ def reasons(issues: Iterable[Mapping[str, Any]], annotation: Any) -> dict[Place,
         got = "" if issue["type"] in _COMPLETE else _given(issue["input"])
         messages, _ = found.setdefault(place, ([], got))
         messages.append(_message(issue, annotation))
-    return {
-        place: _either(messages) + got
-        for place, (messages, got) in found.items()
-        if not any(len(other) > len(place) and other[: len(place)] == place for other in found)
-    }
+    outer = {place[:length] for place in found for length in range(len(place))}
+    return {place: _either(messages) + got for place, (messages, got) in found.items() if place not in outer}
 
 
 def joined(place: Iterable[str | int]) -> str:

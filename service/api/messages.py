@@ -6,7 +6,7 @@ force then moment, moments about the base origin.
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, Discriminator, Field, Tag
+from pydantic import BaseModel, Discriminator, FailFast, Field, Tag
 
 from contactsense.service.api.request_body import RequestBody
 from contactsense.service.events.model import ContactEvent
@@ -17,6 +17,7 @@ Numbers = list[float]
 Three = Annotated[Numbers, Field(min_length=3, max_length=3)]
 Six = Annotated[Numbers, Field(min_length=6, max_length=6)]
 Contacts = Annotated[int, Field(ge=1, le=3)]
+OfJoints = Annotated[Numbers, Field(max_length=64)]
 MAX_SAMPLES = 10_000
 """Largest number of samples in one request."""
 
@@ -24,14 +25,14 @@ MAX_SAMPLES = 10_000
 class SampleIn(RequestBody):
     """Readings of the sensors at one instant, with the arm at rest."""
 
-    q: Numbers = Field(description="Joint positions [rad], one per joint.")
+    q: OfJoints = Field(description="Joint positions [rad], one per joint.")
     base_wrench: Six | None = Field(
         None,
         description="Wrench of the arm on the sensor under its base, force then moment about the base "
         "origin, base axes [N, Nm]. With external=true only the contact's share: a force f on the robot at c "
         "leaves (f, c x f).",
     )
-    joint_torque: Numbers | None = Field(
+    joint_torque: OfJoints | None = Field(
         None,
         description="Torque that each actuator applies [Nm], one per joint. With external=true only the "
         "contact's share: a force f on the robot leaves -J^T f.",
@@ -43,6 +44,7 @@ class SampleIn(RequestBody):
     )
     link_wrenches: dict[str, Six] | None = Field(
         None,
+        max_length=64,
         description="The same of each further sensor within the arm, by its name in the scene's "
         "link_wrenches.",
     )
@@ -66,7 +68,10 @@ class LocateOneIn(SampleIn):
 class LocateManyIn(RequestBody):
     """Several samples to locate, each by itself."""
 
-    samples: list[SampleIn] = Field(min_length=1, max_length=MAX_SAMPLES, description="The samples.")
+    # Validation ends at the first sample that cannot be used: thousands of errors help nobody.
+    samples: Annotated[list[SampleIn], FailFast()] = Field(
+        min_length=1, max_length=MAX_SAMPLES, description="The samples."
+    )
     external: bool = Field(True, description="As for one sample; applies to all of them.")
     contacts: Contacts = Field(1, description="Likewise.")
 
