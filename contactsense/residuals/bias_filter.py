@@ -127,6 +127,7 @@ def predict(
     torque_noise: np.ndarray,
     bias_rate: float,
     dt: float,
+    usual_step: float,
     bandwidth: float,
 ) -> None:
     """Prediction for one sample: mass regressor, random walks, covariance of the residuals.
@@ -139,13 +140,14 @@ def predict(
         torque_noise: Variance of each torque's noise in one sample, shape (n,).
         bias_rate: 1 / T [1/s]; 0: biases are constant.
         dt: Time since the last sample [s]; 0 restarts.
+        usual_step: Usual time between samples [s].
         bandwidth: Cut-off frequency of the observers [Hz].
     """
     P, n = bias_filter.covariance, torque_noise.shape[0]
     status = bias_filter.status[0]
     status.time_since_update += dt
     status.time_since_contact += dt
-    growth = (bias_rate * dt) ** 2
+    growth = bias_rate * bias_rate * usual_step * dt
     for i in range(6):
         P[i, i] += growth * base_noise[i, i]
     for j in range(n):

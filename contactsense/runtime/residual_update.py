@@ -109,6 +109,7 @@ def update_residuals(constants: Constants, state: State) -> None:
         constants.sensors.torque_variance,
         constants.bias_rate,
         stream.clock[0].step,
+        stream.clock[0].usual_step,
         bandwidth,
     )
     predict_link_sensors(constants, state)

@@ -135,7 +135,8 @@ def _update_residuals(constants: Constants, state: State, lanes: np.ndarray, lan
     observe_link_sensors(constants, state)
     predict(
         state.bias_filter, state.torque_model, motion, constants.sensors.base_covariance,
-        constants.sensors.torque_variance, constants.bias_rate, stream.clock[0].step, bandwidth,
+        constants.sensors.torque_variance, constants.bias_rate, stream.clock[0].step,
+        stream.clock[0].usual_step, bandwidth,
     )  # fmt: skip
     predict_link_sensors(constants, state)
     set_residuals(state)

@@ -8,6 +8,7 @@ import numpy as np
 from contactsense.robots.jit.declaration import Floats, Integers, Records, record
 from contactsense.robots.jit.kernel import kernel
 from contactsense.sensors.timing import (
+    LONGEST_FIRST_STEP,
     SensorTiming,
     has_settled,
     is_overdue,
@@ -63,7 +64,7 @@ class StreamClock:
     step: float
     """Step to it [s]."""
     usual_step: float
-    """[s]"""
+    """Usual step, in which a gap counts as the longest step between usable samples [s]."""
     variance_ratio: float
     """Variance of its residuals over that of one sample's noise."""
 
@@ -146,7 +147,7 @@ def register_sample(stream: StreamState, t: float, sensor_bits: int, bandwidth: 
         flags = RESTARTED
     clock.step = min(t - clock.t, LONGEST_STEP) if clock.t > -math.inf else 0.0
     weight = _STEP_SMOOTHING if clock.usual_step > 0.0 else 1.0
-    clock.usual_step += weight * (clock.step - clock.usual_step)
+    clock.usual_step += weight * (min(clock.step, LONGEST_FIRST_STEP) - clock.usual_step)
     clock.t = t
     blind = True
     link_sensors = stream.link_wrench.shape[0]

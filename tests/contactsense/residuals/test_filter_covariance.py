@@ -51,7 +51,7 @@ def in_motion(seed: int = 0) -> Filter:
         q, qd = np.sin(0.02 * i + np.arange(6.0)), np.cos(0.02 * i + np.arange(6.0))
         kinematics_and_momenta(MODEL, q, qd, GRAVITY, motion)
         noise = 0.01 * np.eye(6), np.full(N, 0.02)
-        predict(state, drive, motion, *noise, 0.1, DT if i else 0.0, BANDWIDTH)
+        predict(state, drive, motion, *noise, 0.1, DT if i else 0.0, DT, BANDWIDTH)
     return Filter(state, drive, motion)
 
 
@@ -104,3 +104,16 @@ def test_friction_above_that_of_the_scene() -> None:
     drive.friction_factor[2] = 1.6
     state.friction_regressor[2] = 8.0
     assert friction_above_scene(state, drive, 2) == pytest.approx(8.0 - 8.0 / 1.6)
+
+
+def test_biases_wander_as_far_in_a_gap_as_in_samples() -> None:
+    """The variance of a random walk grows with time, not with its square."""
+    gap, steps = in_motion(), in_motion()
+    before = np.diag(gap.state.covariance)[: 6 + N].copy()
+    noise = 0.01 * np.eye(6), np.full(N, 0.02)
+    predict(*gap, *noise, 0.1, 500 * DT, DT, BANDWIDTH)
+    for _ in range(500):
+        predict(*steps, *noise, 0.1, DT, DT, BANDWIDTH)
+    grown = [np.diag(found.state.covariance)[: 6 + N] - before for found in (gap, steps)]
+    np.testing.assert_allclose(grown[0], grown[1], rtol=1e-9)
+    np.testing.assert_allclose(grown[0], np.repeat([0.01, 0.02], 6) * DT * 500 * DT / 10.0**2, rtol=1e-9)

@@ -67,7 +67,7 @@ class Arm:
             observe_wrench(*load, self.link, *time, only(found.links))
             difference = only(found.link_difference)
             observe_wrench_difference(self.motion, *load, self.link, wrench, *time, difference)
-            predict(self.filter, self.drive, self.motion, BASE_NOISE, TORQUE_NOISE, 0.1, *time)
+            predict(self.filter, self.drive, self.motion, BASE_NOISE, TORQUE_NOISE, 0.1, dt, DT, BANDWIDTH)
 
     def correct(self, correction: np.ndarray) -> None:
         self.filter.correction[:] = correction
