@@ -3,29 +3,40 @@
 import json
 from typing import Any
 
+MOST_NAMES = 1000
+"""Largest number of names in one object: to explain each unknown one takes time."""
 
-class RepeatedNameError(ValueError):
-    """An object has a name twice."""
 
-    def __init__(self, name: str) -> None:
-        super().__init__(f"{name:.40}: expected once, got twice")
-        self.name = name[:40]
+class ObjectError(ValueError):
+    """An object has a name twice, or far too many of them."""
+
+    def __init__(self, name: str, reason: str) -> None:
+        """Initialize.
+
+        Args:
+            name: The name, if it is about one.
+            reason: What was expected, and what was given.
+        """
+        self.name, self.reason = name[:40], reason
+        super().__init__(f"{self.name}: {reason}" if name else reason)
 
 
 def parse_json(text: str | bytes) -> Any:
     """The value of a JSON text.
 
     Raises:
-        RepeatedNameError: An object in it has a name twice.
+        ObjectError: An object in it has a name twice, or more than `MOST_NAMES`.
         ValueError: It is no JSON.
     """
     return json.loads(text, object_pairs_hook=_object)
 
 
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    if len(pairs) > MOST_NAMES:
+        raise ObjectError("", f"expected at most {MOST_NAMES} names in an object, got {len(pairs)}")
     found: dict[str, Any] = {}
     for name, value in pairs:
         if name in found:
-            raise RepeatedNameError(name)
+            raise ObjectError(name, "expected once, got twice")
         found[name] = value
     return found

@@ -10,7 +10,7 @@ from starlette.exceptions import HTTPException
 from starlette.requests import HTTPConnection
 
 from contactsense.robots.field_errors import joined, reasons
-from contactsense.service.api.json_route import RepeatedFieldError
+from contactsense.service.api.json_route import BodyObjectError
 from contactsense.service.api.messages import ErrorOut, FieldError
 
 Responses = dict[int | str, dict[str, Any]]
@@ -123,5 +123,5 @@ async def _http_error(request: Request, error: Exception) -> Response:
         text = f"{request.url.path:.80}: expected {allowed}, got {request.method:.20}"
     elif error.status_code == 400 and text == "There was an error parsing the body":
         text = "expected a body in JSON: text in UTF-8, not nested deeply"
-    field = error.field if isinstance(error, RepeatedFieldError) else ""
+    field = error.field if isinstance(error, BodyObjectError) else ""
     return _errors(error.status_code, [FieldError(field=field, reason=text)], error.headers)

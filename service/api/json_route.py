@@ -1,4 +1,4 @@
-"""Routes whose JSON bodies may not have a name twice."""
+"""Routes whose JSON bodies may not have a name twice, nor thousands of them."""
 
 from collections.abc import Callable, Coroutine
 from typing import Any
@@ -7,14 +7,14 @@ from fastapi import Request, Response
 from fastapi.routing import APIRoute
 from starlette.exceptions import HTTPException
 
-from contactsense.service.json_objects import RepeatedNameError, parse_json
+from contactsense.service.json_objects import ObjectError, parse_json
 
 
-class RepeatedFieldError(HTTPException):
-    """A body has a field twice."""
+class BodyObjectError(HTTPException):
+    """An object in a body has a field twice, or too many of them."""
 
-    def __init__(self, field: str) -> None:
-        super().__init__(422, "expected once, got twice")
+    def __init__(self, field: str, reason: str) -> None:
+        super().__init__(422, reason)
         self.field = field
 
 
@@ -35,5 +35,5 @@ class _Request(Request):
     async def json(self) -> Any:
         try:
             return parse_json(await self.body())
-        except RepeatedNameError as error:
-            raise RepeatedFieldError(error.name) from None
+        except ObjectError as error:
+            raise BodyObjectError(error.name, error.reason) from None

@@ -9,7 +9,7 @@ import msgpack
 import numpy as np
 
 from contactsense.scene import Scene
-from contactsense.service.json_objects import RepeatedNameError, parse_json
+from contactsense.service.json_objects import ObjectError, parse_json
 from contactsense.types import Sample
 
 MAX_SAMPLE = 16_384
@@ -45,8 +45,8 @@ def decode(message: bytes, binary: bool) -> dict[str, Any]:
         raise MessageError("", f"expected at most {MAX_SCENE} bytes, got {len(message)}")
     try:
         content = msgpack.unpackb(message) if binary else parse_json(message)
-    except RepeatedNameError as error:
-        raise MessageError(error.name, "expected once, got twice") from None
+    except ObjectError as error:
+        raise MessageError(error.name, error.reason) from None
     except (ValueError, RecursionError, OverflowError, msgpack.UnpackException) as error:
         name = "MessagePack" if binary else "JSON"
         reason = " ".join(str(error).split())[:100] or type(error).__name__

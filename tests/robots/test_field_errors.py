@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 import pytest
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, ValidationError
 
-from contactsense.robots.field_errors import describe, joined
+from contactsense.robots.field_errors import describe, joined, reasons
 from contactsense.robots.field_places import find
 from contactsense.robots.near_names import did_you_mean
 
@@ -122,3 +122,8 @@ def test_a_field_with_the_name_of_a_branch_keeps_it() -> None:
         "parts[0].ball: unknown field (known: kind, radius), got 1; named.ball.radius: expected a number "
         "above 0, got 0"
     )
+
+
+def test_no_more_errors_are_put_into_words_than_somebody_reads() -> None:
+    issues = [{"type": "float_type", "loc": ("x", i), "msg": "", "input": "a"} for i in range(5000)]
+    assert list(reasons(issues, list[float])) == [("x", i) for i in range(100)]

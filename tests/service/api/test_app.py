@@ -201,6 +201,13 @@ GOOD = {"q": POSTURE, "base_wrench": ZERO6}
         (json.dumps({**GOOD, "q": "\ud800"}), "q", "list"),
         ("{", "", "not JSON"),
         ('{"q": [0, 0, 0, 0, 0, 0], "q": [1, 1, 1, 1, 1, 1]}', "q", "expected once, got twice"),
+        (
+            json.dumps({f"a{i}": 0 for i in range(1001)}),
+            "",
+            "expected at most 1000 names in an object, got 1001",
+        ),
+        (json.dumps({"samples": [{**GOOD, "q": ["x"]}] * 5000}), "samples[0].q[0]", "a number, got 'x'"),
+        (json.dumps({**GOOD, "q": ["x"] * 100_000}), "q", "a length of at most 64, got 100000"),
         ("[]", "", "expected an object with fields"),
         ("", "", "expected a body in JSON, got none"),
     ],
