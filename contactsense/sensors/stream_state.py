@@ -101,14 +101,15 @@ def restart(stream: StreamState) -> None:
 @kernel
 def store_sample(stream: StreamState, readings: Readings) -> bool:
     """Store a sample's values; returns False if one has the wrong size."""
-    values, link_wrench = readings[:4], readings[4]
-    targets = (stream.q, stream.qd, stream.torque, stream.base_wrench)
-    for i in range(4):
-        if len(values[i]) != len(targets[i]):
-            return False
-    for i in range(4):
-        for k in range(len(targets[i])):
-            targets[i][k] = values[i][k]
+    # One by one: an array of one joint is contiguous, and then not of the same type as one of six numbers.
+    q, qd, torque, base_wrench, link_wrench = readings
+    joints = len(stream.q)
+    if len(q) != joints or len(qd) != joints or len(torque) != joints or len(base_wrench) != 6:
+        return False
+    for k in range(joints):
+        stream.q[k], stream.qd[k], stream.torque[k] = q[k], qd[k], torque[k]
+    for k in range(6):
+        stream.base_wrench[k] = base_wrench[k]
     for s in range(stream.link_wrench.shape[0]):
         for k in range(6):
             stream.link_wrench[s, k] = link_wrench[s, k]
