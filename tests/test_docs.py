@@ -1,20 +1,25 @@
 """What README and docs say holds: links, paths, commands with their options, code, the example scene."""
 
+import json
 import re
 import shlex
 from pathlib import Path
+from typing import Any
 
 import click
+import numpy as np
 import pytest
 import yaml
 from pydantic import BaseModel
 
+from contactsense import Localizer
 from contactsense.robots.tool import Tool
 from contactsense.scene import Scene
 from contactsense.sensors.settings import Friction, JointTorqueSensor, LinkInertia, WrenchSensor
 from contactsense.service.cli.main import cli
 from contactsense.service.scene.page import scene_page
 from contactsense.service.scene.summary import scene_warnings
+from contactsense.solvers import Status
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted(
@@ -31,6 +36,11 @@ def _prose(page: Path) -> str:
 def _anchors(page: Path) -> set[str]:
     headings = re.findall(r"^#+ (.*)$", _prose(page), re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+def _blocks(page: str, language: str) -> list[str]:
+    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    return re.findall(rf"```{language}\n(.*?)```", text, flags=re.DOTALL)
 
 
 @pages
@@ -103,6 +113,22 @@ def test_modules_that_are_run_exist() -> None:
 def test_python_compiles(page: Path) -> None:
     for code in re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL):
         compile(code, str(page), "exec")
+
+
+def test_the_solvers_run_as_shown() -> None:
+    names: dict[str, Any] = {}
+    for code in _blocks("solvers.md", "python"):
+        exec(code, names)
+    assert names["contact"].status == names["probable"].status == Status.OK
+
+
+@pytest.mark.slow
+def test_the_sample_of_a_controller_is_a_push_on_the_forearm() -> None:
+    sample = json.loads(_blocks("controllers.md", "json")[0])
+    readings = {name: np.array(sample[name]) for name in ("base_wrench", "joint_torque")}
+    found = Localizer(Scene(robot="ur5e")).locate(np.array(sample["q"]), **readings, external=False)
+    assert (found.status, found.contacts[0].link) == ("contact", "forearm")
+    assert np.linalg.norm(found.contacts[0].force_base) == pytest.approx(20.0, abs=0.1)
 
 
 @pytest.mark.slow
