@@ -53,7 +53,7 @@ def forward_model(
         scene: The arm, its mounting and its sensors.
         q: Joint positions [rad], shape (n,).
         link: Name of the touched link.
-        point: Contact point, link frame [m], shape (3,).
+        point: Contact point, link frame [m], shape (3,); it need not be on the surface.
         force: Force on the robot, base axes [N], shape (3,).
         torsion: Moment on the robot about `normal` [Nm].
         normal: Outward unit normal, base axes, shape (3,); needed with `torsion` only.

@@ -39,7 +39,10 @@ def checked_array(name: str, value: object, shape: tuple[int, ...], unit: str) -
 def as_floats(name: str, value: object) -> np.ndarray:
     """`value` as a contiguous float array of any shape; otherwise a ValueError that names the argument."""
     try:
-        return np.ascontiguousarray(value, dtype=np.float64)
+        array = np.asarray(value)
+        if array.dtype.kind == "c":  # NumPy would take the real parts
+            raise TypeError
+        return np.ascontiguousarray(array, dtype=np.float64)
     except (TypeError, ValueError):
         raise ValueError(f"{name}: expected numbers, got {value!r}") from None
 

@@ -85,7 +85,10 @@ def problem_of(surface: Surface, method: Method) -> Problem:
 
     Raises:
         ValueError: The method is unknown, or cannot solve this surface.
+        TypeError: `surface` is none.
     """
+    if not isinstance(surface, Surface):
+        raise TypeError(f"surface: expected one such as Sphere(0.01), got {surface!r:.60}")
     if method == "exact":
         return surface.problem()
     if method == "wrench_axis":
@@ -114,6 +117,7 @@ def solve_wrench(surface: Surface, force: ArrayLike, moment: ArrayLike, method: 
 
     Raises:
         ValueError: The method is unknown, or cannot solve this surface; force or moment has another shape.
+        TypeError: `surface` is none.
     """
     f, m = vectors("force", force, 1), vectors("moment", moment, 1)
     if isinstance(surface, Placed):

@@ -93,6 +93,7 @@ def unit_of(channel: str) -> str:
 
 def _changes(found: Calibration, scene: Scene) -> tuple[str, ...]:
     lines, same = [], []
+    joints = [joint.name for joint in scene.robot.joints]
     for (group, sensor, _), members in groupby(found.values, key=_line):
         block = [value for value in members if not value.kept]
         if not block or group == "payload":
@@ -101,7 +102,7 @@ def _changes(found: Calibration, scene: Scene) -> tuple[str, ...]:
         if group in _TITLES:
             title = _TITLES[group] if sensor is None else f"{_TITLES[group]} {sensor}"
         if any(value.changed for value in block):
-            lines.append(f"{title}: {_field(group, sensor, found.scene, scene) or _values(block)}")
+            lines.append(f"{title}: {_field(group, sensor, found.scene, scene) or _values(block, joints)}")
         elif title not in same:
             same.append(title)
     if _tool(found.scene) != _tool(scene):
@@ -154,9 +155,15 @@ def _triple(value: str | tuple[float, ...]) -> str:
     )
 
 
-def _values(block: list[Value]) -> str:
-    """Values after and before; one number where all are alike."""
-    after = ", ".join(f"{value.after:.3g}" for value in block)
+def _values(block: list[Value], joints: list[str]) -> str:
+    """Values after and before; one number where all are alike. Of some joints only, with their names."""
+    some = len(block) < len(joints)
+    after = ", ".join(
+        f"{joints[value.entry.joint]} {value.after:.3g}"
+        if some and value.entry.joint is not None
+        else f"{value.after:.3g}"
+        for value in block
+    )
     before = [f"{value.before:.3g}" for value in block]
     was = before[0] if len(set(before)) == 1 else ", ".join(before)
     unit = f" {block[0].entry.unit}" if block[0].entry.unit else ""

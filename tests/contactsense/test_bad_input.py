@@ -85,6 +85,11 @@ def test_bad_arguments_are_named(ordinary: Localizer, arguments: dict[str, objec
         ordinary.locate(np.zeros(6), **arguments)  # type: ignore[arg-type]
 
 
+def test_complex_numbers_are_none(ordinary: Localizer) -> None:
+    with pytest.raises(ValueError, match=r"^q: expected numbers, got array"):
+        ordinary.locate(np.zeros(6) + 1j, base_wrench=np.zeros(6))
+
+
 def test_batches_must_be_of_one_length(ordinary: Localizer) -> None:
     with pytest.raises(
         ValueError, match=r"base_wrench: expected shape \(4, 6\) in N, Nm, got shape \(3, 6\)"

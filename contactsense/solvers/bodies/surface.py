@@ -1,8 +1,9 @@
 """Interface and helpers common to all surfaces."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import fields
-from typing import Any, ClassVar, Protocol
+from numbers import Real
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,6 +17,7 @@ Problem = tuple[Kernel, tuple[Any, ...]]
 """A compiled solver and its arguments after the wrench."""
 
 
+@runtime_checkable
 class Surface(Protocol):
     """A surface with an outward normal that bounds a convex body and can be solved."""
 
@@ -95,6 +97,7 @@ def vectors(name: str, values: ArrayLike, dimensions: int) -> np.ndarray:
 
 def positive(surface: object, **lengths: float) -> None:
     """Reject lengths that are not positive and finite."""
+    _numbers(surface, lengths)
     for name, value in lengths.items():
         if not 0.0 < value < np.inf:
             raise ValueError(f"{type(surface).__name__}: {name} must be positive and finite, not {value}")
@@ -102,9 +105,16 @@ def positive(surface: object, **lengths: float) -> None:
 
 def not_negative(surface: object, **lengths: float) -> None:
     """Reject lengths that are negative or not finite."""
+    _numbers(surface, lengths)
     for name, value in lengths.items():
         if not 0.0 <= value < np.inf:
             raise ValueError(f"{type(surface).__name__}: {name} must not be negative, not {value}")
+
+
+def _numbers(surface: object, lengths: Mapping[str, object]) -> None:
+    for name, value in lengths.items():
+        if not isinstance(value, Real):
+            raise TypeError(f"{type(surface).__name__}: {name} must be a number, not {value!r:.60}")
 
 
 def tangential(bend: np.ndarray, normal: np.ndarray) -> np.ndarray:

@@ -15,6 +15,18 @@ def test_a_batch_of_another_shape_is_rejected(shape: tuple[int, ...]) -> None:
         solve_batch(BALL, np.ones(shape), np.ones(shape))
 
 
+@pytest.mark.parametrize("arguments", [{}, {"covariance": np.eye(6)}])
+def test_what_is_no_surface_is_named(arguments: dict[str, np.ndarray]) -> None:
+    with pytest.raises(TypeError, match=r"^surface: expected one such as Sphere\(0.01\), got 'sphere'$"):
+        solve("sphere", np.ones(3), np.ones(3), **arguments)  # type: ignore[call-overload]
+
+
+@pytest.mark.parametrize("radius", ["a", [1.0], None])
+def test_a_length_is_a_number(radius: object) -> None:
+    with pytest.raises(TypeError, match=r"^Sphere: radius must be a number, not "):
+        Sphere(radius)  # type: ignore[arg-type]
+
+
 def test_rows_must_match() -> None:
     with pytest.raises(ValueError, match="moment: expected 4 rows"):
         solve_batch(BALL, np.ones((4, 3)), np.ones((1, 3)))
