@@ -126,7 +126,7 @@ def ldl_solve(H: np.ndarray, g: np.ndarray) -> tuple[float, float, float, float,
 
 @kernel
 def half_squared_norm(C: np.ndarray, w: np.ndarray) -> float:
-    """1/2 w . C^-1 w for a positive definite C, shape (6, 6). Of others it may be negative, infinite or NaN."""
+    """1/2 w . C^-1 w for a positive definite C, shape (6, 6). For others: any number, infinity or NaN."""
     c00, c10, c20, c30, c40, c50 = C[0, 0], C[1, 0], C[2, 0], C[3, 0], C[4, 0], C[5, 0]
     c11, c21, c31, c41, c51 = C[1, 1], C[2, 1], C[3, 1], C[4, 1], C[5, 1]
     c22, c32, c42, c52 = C[2, 2], C[3, 2], C[4, 2], C[5, 2]
