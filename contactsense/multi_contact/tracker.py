@@ -1,14 +1,20 @@
 """Tracks several contacts in a live stream: distinguishes a further contact from a change of the first.
 
-While there is a single contact, its previous estimate is tested against every sample. If the residual
-exceeds the noise, three alternatives compete by log evidence: the contact has slid, it was released and a
-new one has started, or a further contact has started. The previous estimate of the first contact is kept
-until this is decided, because the onset of a further contact looks like a slide of the first.
+A stream with contact is in one of three states:
 
-Several contacts are tracked by a multiple-hypothesis filter. While the force of the newest contact grows,
-its point is searched again, given the contacts known before its onset. Afterwards the points of each
-hypothesis are the prior of the next samples, the forces may drift, and the log evidence accumulates. The
-noise of the observers is correlated in time, so a prior is updated only every few time constants.
+- single: there are no members. `FurtherContactTest` tests the earlier estimate of the contact, until it finds
+  a further one; the stream is then settling.
+- settling: `_before_onset` has the hypotheses from before the newest onset. As the force of the new contact
+  grows, its place is searched again (`_reestimate_newest`), until it no longer grows or is not found again.
+- several: the hypotheses are tested (`_release_unloaded`, `_test_release`); where they explain a sample no
+  longer, a change is searched (`_detect_change`). Another onset leads to settling, a single member that is
+  left to single.
+
+In the last two states a multiple-hypothesis filter tracks the contacts. The points of each hypothesis are the
+prior of the next samples, the forces may drift, and the log evidence accumulates. The noise of the observers
+is correlated in time, so the prior is updated only every few time constants: `_prior_time` is the time of the
+last update, `_explained_time` that of the last sample that the hypotheses explained, `_next_search` that of
+the next search for a change.
 """
 
 import math
@@ -17,8 +23,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contactsense.multi_contact.candidate_hypotheses import candidate_hypotheses
 from contactsense.multi_contact.contact_set_builder import ContactSetBuilder, ContactSets
+from contactsense.multi_contact.further_contact_test import FurtherContactTest
+from contactsense.multi_contact.hypothesis_test import (
+    PRIOR_INTERVAL,
+    SEARCH_INTERVAL,
+    SETTLING_TIME,
+    SLIDE_DEVIATION,
+    is_more_probable,
+)
 from contactsense.multi_contact.locator import MultiContactLocator
 from contactsense.multi_contact.multi_hypothesis_filter import (
     FORCE_DRIFT,
@@ -32,28 +45,16 @@ from contactsense.runtime.buffers import KernelBuffers
 from contactsense.runtime.result_rows import PROBABILITY
 from contactsense.scene import Scene
 from contactsense.sensors.usable_sensors import Usable
-from contactsense.tracking.contact_track import NEW
 from contactsense.tracking.contact_tracker import NEW_TIME_CONSTANTS
 from contactsense.tracking.window_averages import restart_windows
 from contactsense.types import Estimate, Event, Phase
 
-PRIOR_INTERVAL = 3.0
-"""Interval between two updates of the prior, in time constants of the observers."""
-SETTLING_TIME = 8.0
-"""Time for which a further contact is searched before a change counts as a slide, in time constants."""
-SEARCH_INTERVAL = 0.5
-"""Interval between two tests of a single contact, or two searches, in time constants."""
-SLIDE_DEVIATION, SHORT_SLIDE_DEVIATION = 0.04, 0.005
-"""Standard deviations of a slide, and of one that has just begun [m]. With the first alone, a slow slide is
-less probable than a further contact with a small force."""
 FORCE_CHANGE_LOG_ODDS = math.log(0.2)
 """Log prior odds of forces that change by more than `FORCE_DRIFT`."""
 RELEASE_LOG_ODDS = math.log(0.02)
 """Log prior odds of a sudden release."""
 WEAK_RELEASE_LOG_ODDS = math.log(0.5)
 """Log prior odds of the release of a contact that pushes less than `WEAK_FORCE`."""
-LOG_ODDS_MARGIN = 2.0
-"""Log odds by which a change must be more probable than no change."""
 FORCE_GROWTH_RATIO = 1.25
 """The force of the newest contact is growing if it exceeds this many times its last value."""
 MAX_SETTLING_FACTOR = 5.0
@@ -87,13 +88,10 @@ class MultiContactTracker:
     ) -> None:
         """Prepare for the scene and the kernel buffers of a `Localizer`, to which `locator` and `builder`
         belong too."""
-        self._max_contacts, self._constants, self._state = (
-            scene.contacts,
-            kernel_buffers.constants,
-            kernel_buffers.state,
-        )
+        self._max_contacts, self._state = scene.contacts, kernel_buffers.state
         self._filter, self._builder = MultiHypothesisFilter(scene, kernel_buffers, locator), builder
         self._tau = 1.0 / (2.0 * math.pi * scene.bandwidth)
+        self._single = FurtherContactTest(kernel_buffers, self._filter, self._tau)
         self.forget()
 
     def forget(self) -> None:
@@ -101,10 +99,9 @@ class MultiContactTracker:
         self._members: list[Member] = []
         self._events: list[Event] = []
         self._filter.hypotheses = []
-        self._prior_hypotheses: list[Hypothesis] = []
+        self._single.restart()
         self._before_onset: list[Hypothesis] = []
         self._onset_force = 0.0
-        self._next_prior: list[Hypothesis] = []
         self._prior_time = self._explained_time = self._next_search = -math.inf
 
     def end(self, t: float, number: int, unseen: str) -> tuple[Event, ...]:
@@ -136,11 +133,13 @@ class MultiContactTracker:
             The estimate if there are several contacts, else None; the number of the first contact; and what
             happened to the others, where no estimate contains it.
         """
-        if not self._members and t >= self._next_search:
-            self._next_search = t + SEARCH_INTERVAL * self._tau
-            self._check_single_contact(t, present, number, explained)
         if not self._members:
-            return None, number, ()
+            extended = self._single.find(t, present, explained)
+            if not extended:
+                return None, number, ()
+            self._next_search = t + SEARCH_INTERVAL * self._tau
+            self._members = [Member(number, -math.inf, t, "hold")]
+            self._add_contact(t, extended, self._single.before)
         estimate = self._update(t, present, reason)
         events: tuple[Event, ...] = ()
         if estimate is None:
@@ -149,37 +148,6 @@ class MultiContactTracker:
         if len(self._members) == 1:
             self._return_to_single_contact()
         return estimate, number, events
-
-    def _check_single_contact(self, t: float, present: Usable, number: int, explained: bool) -> None:
-        """Test the previous estimate of a single contact; start tracking if a further one is found."""
-        if self._state.track.status[0].phase == NEW:
-            self._prior_hypotheses = []
-            return
-        now = candidate_hypotheses(self._constants, self._state) if explained else []
-        if not self._prior_hypotheses:
-            self._prior_hypotheses = self._next_prior = now
-            self._prior_time = self._explained_time = t
-            return
-        hypothesis_filter = self._filter
-        unchanged = hypothesis_filter.explain(present, self._prior_hypotheses, 1, math.inf)
-        if unchanged and unchanged[0].energy <= hypothesis_filter.energy_limit(present, 1, math.inf):
-            self._explained_time = t
-            if t - self._prior_time > PRIOR_INTERVAL * self._tau:
-                self._prior_hypotheses, self._next_prior, self._prior_time = self._next_prior, now, t
-            return
-        alternatives = list(unchanged)
-        for deviation in (SLIDE_DEVIATION, SHORT_SLIDE_DEVIATION):
-            alternatives += hypothesis_filter.explain(present, self._prior_hypotheses, 1, math.inf, deviation)
-        alternatives += hypothesis_filter.explain(present, [Hypothesis((), 0.0)], 1, math.inf)
-        extended = hypothesis_filter.with_further_contact(present, self._prior_hypotheses)
-        if _is_more_probable(extended, alternatives) and extended[0].energy <= hypothesis_filter.energy_limit(
-            present, 2, FORCE_DRIFT
-        ):
-            self._members = [Member(number, -math.inf, t, "hold")]
-            self._add_contact(t, extended, self._prior_hypotheses)
-        elif t - self._explained_time > SETTLING_TIME * self._tau:
-            self._prior_hypotheses = self._next_prior = now
-            self._prior_time = self._explained_time = t
 
     def _update(self, t: float, present: Usable, reason: str) -> Estimate | None:
         """Estimate from the hypotheses; None if they explain nothing."""
@@ -250,7 +218,7 @@ class MultiContactTracker:
             if count < self._max_contacts
             else []
         )
-        if _is_more_probable(extended, changed_forces) and extended[0].energy <= limit:
+        if is_more_probable(extended, changed_forces) and extended[0].energy <= limit:
             self._add_contact(t, extended, hypothesis_filter.hypotheses)
             return True
         if t - self._explained_time > SETTLING_TIME * self._tau:
@@ -259,7 +227,7 @@ class MultiContactTracker:
             )
             if self._test_release(t, present, range(count), changed_forces, math.inf, RELEASE_LOG_ODDS):
                 return True
-        if not changed_forces or not _is_more_probable(changed_forces, unchanged):
+        if not changed_forces or not is_more_probable(changed_forces, unchanged):
             return False
         self._set_prior(t, changed_forces)
         return True
@@ -277,7 +245,7 @@ class MultiContactTracker:
         for i in indices:
             remaining = without_contact(self._filter.hypotheses, i)
             reduced = self._filter.explain(present, remaining, len(self._members) - 1, drift, odds=odds)
-            if _is_more_probable(reduced, unchanged):
+            if is_more_probable(reduced, unchanged):
                 self._release(t, i)
                 self._set_prior(t, reduced)
                 return True
@@ -316,7 +284,8 @@ class MultiContactTracker:
 
     def _return_to_single_contact(self) -> None:
         """Return to a single contact, whose averaging windows restart."""
-        self._filter.hypotheses, self._members, self._prior_hypotheses, self._before_onset = [], [], [], []
+        self._filter.hypotheses, self._members, self._before_onset = [], [], []
+        self._single.restart(self._next_search)
         restart_windows(self._state.track)
 
     def _build_estimate(self, t: float, fits: Sequence[HypothesisFit], reason: str) -> Estimate:
@@ -339,9 +308,3 @@ class MultiContactTracker:
 def _normal_force(contact: TrackedContact) -> float:
     """Normal force [N]."""
     return -float(contact.force @ contact.normal)
-
-
-def _is_more_probable(one: Sequence[Hypothesis], other: Sequence[Hypothesis]) -> bool:
-    """Whether the best of some hypotheses is more probable than the best of others, by a margin."""
-    best = max((hypothesis.log_probability for hypothesis in other), default=-math.inf)
-    return any(hypothesis.log_probability > best + LOG_ODDS_MARGIN for hypothesis in one)
