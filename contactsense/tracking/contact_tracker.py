@@ -53,6 +53,11 @@ def choose_window(
 ) -> bool:
     """Choose the window to use; returns whether the contact has moved.
 
+    The windows are tested from the shortest to the longest, each against all shorter ones. One can be used if
+    they all agree. One that clearly disagrees contains samples of another place, and begins anew as a copy of
+    the longest that can be used; in between it is neither used nor restarted. If windows 0 to 3 agree, for
+    example, and 4 disagrees with 0, then 4 becomes a copy of 3, and 3 is the longest that can be used.
+
     Args:
         sensors: Noise of one sample.
         track: Changed in place: the chosen window, and windows that are restarted.
