@@ -1,8 +1,9 @@
 """The executor: a process that performs actions that may be slow or hang.
 
 It reads JSON lines from standard input: first the robot's address and the actions, then the tasks. It writes
-one JSON line per result. Each action has its own thread, so that an action that hangs does not delay the
-others. The process ends when its standard input is closed, that is, when the pipeline's process ends.
+one JSON line per result, and one per process group that an action starts. Each action has its own thread, so
+that an action that hangs does not delay the others. The process ends, and with it all that its actions have
+started, when its standard input is closed: the pipeline's process ends, or has closed it.
 """
 
 import json
@@ -11,6 +12,7 @@ import queue
 import sys
 import threading
 import time
+from functools import partial
 from typing import Any, Literal
 
 from pydantic import TypeAdapter
@@ -29,8 +31,16 @@ Task = Literal["oldest", "newest", "none"]
 
 def _report(action: str, ok: bool, reason: str, took: float, task: Task) -> None:
     result = {"action": action, "ok": ok, "reason": reason, "took": round(took, 6), "task": task}
-    line = json.dumps(result)
-    os.write(sys.stdout.fileno(), line.encode() + b"\n")  # one write: lines of several threads do not mix
+    _write(result)
+
+
+def _report_group(action: str, group: int) -> None:
+    _write({"action": action, "group": group})
+
+
+def _write(message: dict[str, Any]) -> None:
+    # One write: lines of several threads do not mix.
+    os.write(sys.stdout.fileno(), json.dumps(message).encode() + b"\n")
 
 
 def _work(name: str, action: ExecutedAction, host: str, waiting: "queue.Queue[dict[str, Any]]") -> None:
@@ -64,6 +74,7 @@ def main() -> None:
     actions = {name: action for name, action in given.items() if isinstance(action, ExecutedAction)}
     queues: dict[str, queue.Queue[dict[str, Any]]] = {name: queue.Queue(QUEUE) for name in actions}
     for name, action in actions.items():
+        action.open(partial(_report_group, name))
         threading.Thread(
             target=_work, args=(name, action, setup["host"], queues[name]), name=name, daemon=True
         ).start()

@@ -1,5 +1,6 @@
 """The pipeline's side of the executor: never waits for it, and restarts it when it dies."""
 
+import contextlib
 import json
 import os
 import subprocess
@@ -9,12 +10,15 @@ from collections.abc import Mapping
 from typing import Any
 
 from contactsense.service.reactions.actions.base import ExecutedAction
+from contactsense.service.reactions.actions.child_group import kill_group
 
 MODULE = "contactsense.service.reactions.executor"
 RESTART = 1.0
 """Shortest time between two starts [s]."""
 _GRACE = 1.0
 """Time beyond an action's own timeout after which it counts as hanging [s]."""
+_END = 1.0
+"""Time that the executor has to end what its actions have started, before it is killed [s]."""
 _MAX_LINE = 1 << 16
 
 
@@ -38,6 +42,7 @@ class ExecutorClient:
         self._rest = b""
         self._begun: dict[str, list[float]] = {name: [] for name in actions}
         self._hung: set[str] = set()
+        self._groups: dict[str, int] = {}  # of programs that run: nothing else ends them if the executor dies
         if actions:
             self._start(time.monotonic())
 
@@ -86,11 +91,23 @@ class ExecutorClient:
             ]
             self._end()
         elif chunk is not None:
-            *lines, self._rest = (self._rest + chunk).split(b"\n")
-            for line in lines:
-                results.append(json.loads(line))
-                self._take(results[-1], now)
+            for result in self._lines(chunk):
+                results.append(result)
+                self._take(result, now)
         return results + self._overdue(now)
+
+    def _lines(self, chunk: bytes) -> list[dict[str, Any]]:
+        """Return the results in what has arrived, and note which programs run."""
+        *lines, self._rest = (self._rest + chunk).split(b"\n")
+        results = []
+        for message in map(json.loads, lines):
+            if "group" in message:
+                self._groups[message["action"]] = message["group"]
+                continue
+            results.append(message)
+            if message["task"] == "oldest":
+                self._groups.pop(message["action"], None)
+        return results
 
     def _take(self, result: dict[str, Any], now: float) -> None:
         """Note which decision needs no more waiting, see `contactsense.service.reactions.executor.Task`."""
@@ -132,17 +149,34 @@ class ExecutorClient:
         os.set_blocking(self._process.stdout.fileno(), False)
 
     def _end(self) -> None:
+        """Kill the process, and the programs that its actions have started."""
         if self._process is not None:
             self._process.kill()
             self._process.wait()
+            self._read_rest()
             for pipe in (self._process.stdin, self._process.stdout):
                 if pipe is not None:
                     pipe.close()
+        for group in self._groups.values():
+            kill_group(group)
+        self._groups.clear()
         self._process = None
         self._rest = b""
         self._begun = {name: [] for name in self._actions}
         self._hung.clear()
 
+    def _read_rest(self) -> None:
+        """Read what the executor wrote last: a program may have started since the latest `poll`."""
+        assert self._process is not None
+        if self._process.stdout is not None:
+            with contextlib.suppress(OSError, ValueError):
+                while chunk := os.read(self._process.stdout.fileno(), _MAX_LINE):
+                    self._lines(chunk)
+
     def close(self) -> None:
-        """End the process."""
+        """End the process. It ends what its actions have started; it is killed if that takes too long."""
+        if self._process is not None and self._process.stdin is not None:
+            self._process.stdin.close()
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(_END)
         self._end()

@@ -3,7 +3,7 @@
 import contextlib
 import socket
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -35,6 +35,14 @@ class ExecutedAction(ActionSettings):
     timeout: Annotated[float, Field(gt=0.0, le=60.0)] = 2.0
     """Time limit [s]."""
 
+    def open(self, tell: Callable[[int], None]) -> None:
+        """Called once in the executor's process, before anything else.
+
+        Args:
+            tell: To be called with the number of each process group that the action starts. If the executor
+                is killed, the pipeline's process kills these groups.
+        """
+
     def prepare(self, host: str) -> None:
         """Do in advance what can be done before the action is needed; `host` is the robot's controller.
 
@@ -51,7 +59,7 @@ class ExecutedAction(ActionSettings):
         """
 
     def close(self) -> None:
-        """Release what `prepare` acquired."""
+        """Release what `prepare` acquired, and end what `perform` has started; called from another thread."""
 
 
 @contextlib.contextmanager

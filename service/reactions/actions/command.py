@@ -3,14 +3,14 @@
 import json
 import os
 import shutil
-import signal
 import subprocess
-from contextlib import suppress
+from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Field, PrivateAttr, ValidationInfo, field_validator
 
 from contactsense.service.reactions.actions.base import ActionError, ExecutedAction
+from contactsense.service.reactions.actions.child_group import ChildGroup
 
 
 class CommandAction(ExecutedAction):
@@ -21,6 +21,7 @@ class CommandAction(ExecutedAction):
     """The program and its arguments; a path of the program is relative to the folder of the rules."""
     timeout: Annotated[float, Field(gt=0.0, le=3600.0)] = 10.0
     """Time after which the program and its children are killed [s]."""
+    _group: ChildGroup | None = PrivateAttr(None)  # of the executor's process; rules are sent to another one
 
     @field_validator("command")
     @classmethod
@@ -32,25 +33,27 @@ class CommandAction(ExecutedAction):
             return command
         return (str((folder / program).absolute()), *command[1:])
 
+    def open(self, tell: Callable[[int], None]) -> None:
+        """See `ExecutedAction.open`."""
+        self._group = ChildGroup(tell)
+
+    def close(self) -> None:
+        """Kill the program that runs, with its children."""
+        if self._group is not None:
+            self._group.close()
+
     def perform(self, decision: dict[str, Any], host: str) -> str:
         """Run the program; see `ExecutedAction.perform`."""
-        try:
-            process = subprocess.Popen(
-                self.command,
-                stdin=subprocess.PIPE,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.PIPE,
-                start_new_session=True,  # so that its children can be killed with it
-            )
-        except OSError as error:
-            raise ActionError(f"{self.command[0]}: {error.strerror or error}") from None
+        group = self._group or ChildGroup()
+        process = group.start(self.command)
         with process:
             try:
                 _, output = process.communicate(json.dumps(decision).encode(), self.timeout)
             except subprocess.TimeoutExpired:
-                with suppress(ProcessLookupError):
-                    os.killpg(process.pid, signal.SIGKILL)
+                group.kill()
                 raise ActionError(f"{self.command[0]}: killed after {self.timeout:g} s") from None
+            finally:
+                group.release()
         if process.returncode != 0:
             last = output.decode("utf-8", "replace").strip().splitlines()[-1:] or ["it printed nothing"]
             raise ActionError(f"{self.command[0]}: exit status {process.returncode}: {last[0][:200]}")

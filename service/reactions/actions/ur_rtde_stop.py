@@ -1,5 +1,6 @@
 """Stop with `stopJ` of ur_rtde's control interface, in a child process, for robots controlled by ur_rtde."""
 
+import contextlib
 import select
 import subprocess
 import sys
@@ -10,6 +11,8 @@ from pydantic import Field, PrivateAttr
 from contactsense.service.reactions.actions.base import ActionError, ExecutedAction
 
 CHILD = "contactsense.service.reactions.actions.ur_rtde_stop_child"
+_END = 0.5
+"""Time that the child has to end by itself [s]."""
 
 
 class UrRtdeStopAction(ExecutedAction):
@@ -30,7 +33,7 @@ class UrRtdeStopAction(ExecutedAction):
         """Start the child and connect; see `ExecutedAction.prepare`."""
         if self._child is not None and self._child.poll() is None:
             return
-        self.close()
+        self._kill()
         self._child = subprocess.Popen(
             [sys.executable, "-P", "-m", CHILD, host, str(self.frequency), str(self.deceleration)],
             stdin=subprocess.PIPE,
@@ -49,7 +52,7 @@ class UrRtdeStopAction(ExecutedAction):
             self._child.stdin.write("stop\n")
             self._child.stdin.flush()
         except OSError:
-            self.close()
+            self._kill()
             raise ActionError("ur_rtde: its process has died") from None
         self._expect("stopped")
         return "stopJ is done"
@@ -58,15 +61,22 @@ class UrRtdeStopAction(ExecutedAction):
         assert self._child is not None
         assert self._child.stdout is not None
         if not select.select([self._child.stdout], [], [], self.timeout)[0]:
-            self.close()
+            self._kill()
             raise ActionError(f"ur_rtde: not {word} within {self.timeout:g} s; its process was killed")
         line = self._child.stdout.readline().strip()
         if line != word:
-            self.close()
+            self._kill()
             raise ActionError(f"ur_rtde: {line or 'its process has died'}")
 
     def close(self) -> None:
-        """Kill the child."""
+        """End the child, which first disconnects from the robot; it is killed if that takes too long."""
+        if self._child is not None and self._child.stdin is not None:
+            with contextlib.suppress(OSError, subprocess.TimeoutExpired):
+                self._child.stdin.close()
+                self._child.wait(_END)
+        self._kill()
+
+    def _kill(self) -> None:
         if self._child is not None:
             self._child.kill()
             self._child.wait()

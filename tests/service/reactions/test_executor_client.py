@@ -3,6 +3,7 @@
 import json
 import os
 import queue
+import signal
 import threading
 import time
 from collections.abc import Iterator
@@ -12,6 +13,7 @@ from typing import Any
 import pytest
 
 from contactsense.service.reactions import executor
+from contactsense.service.reactions.actions.base import ActionError
 from contactsense.service.reactions.actions.command import CommandAction
 from contactsense.service.reactions.executor_client import ExecutorClient
 from tests.service.loopback import until
@@ -81,6 +83,76 @@ def test_an_executor_that_dies_is_told_and_started_again() -> None:
         client.close()
 
 
+def alive(pid: int) -> bool:
+    """Whether a process runs; one that has ended and waits for its parent does not."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+@pytest.fixture
+def running(tmp_path: Path) -> Iterator[tuple[ExecutorClient, int, int]]:
+    """A client whose action runs: a program, with a child that it waits for."""
+    note = tmp_path / "processes"
+    script = f"sleep 60 & echo $$ $! > '{note}.new'; mv '{note}.new' '{note}'; wait"
+    action = CommandAction(type="command", command=("sh", "-c", script), timeout=60.0)
+    client = ExecutorClient({"a": action}, HOST)
+    try:
+        assert client.start("a", TOLD, time.monotonic()) == ""
+        assert until(note.exists)
+        program, child = map(int, note.read_text().split())
+        assert alive(program)
+        assert alive(child)
+        yield client, program, child
+    finally:
+        client.close()
+
+
+def test_what_runs_ends_with_the_client(running: tuple[ExecutorClient, int, int]) -> None:
+    """As when the service ends or reads its rules again."""
+    client, *processes = running
+    client.close()
+    assert until(lambda: not any(map(alive, processes)), 10.0)
+
+
+def test_an_executor_that_hangs_and_what_it_runs_end_with_the_client(
+    running: tuple[ExecutorClient, int, int],
+) -> None:
+    client, *processes = running
+    assert client.pid is not None
+    os.kill(client.pid, signal.SIGSTOP)
+    client.close()
+    assert until(lambda: not any(map(alive, processes)), 10.0)
+
+
+def test_what_runs_ends_with_an_executor_that_is_killed(running: tuple[ExecutorClient, int, int]) -> None:
+    client, *processes = running
+    pid = client.pid
+    assert pid is not None
+    os.kill(pid, signal.SIGKILL)
+    results_of(client, 1)
+    assert until(lambda: not any(map(alive, processes)), 10.0)
+
+
+def test_what_runs_ends_with_the_process_that_has_the_client(
+    running: tuple[ExecutorClient, int, int],
+) -> None:
+    """The executor reads the end of its input, as when the pipeline's process is killed."""
+    client, *processes = running
+    executor_process: Any = client._process
+    executor_process.stdin.close()
+    assert until(lambda: not any(map(alive, processes)), 10.0)
+
+
+def test_nothing_is_started_any_more_while_the_executor_ends() -> None:
+    action = CommandAction(type="command", command=("true",))
+    action.open(lambda group: None)
+    action.close()
+    with pytest.raises(ActionError, match="true: not started, as the service ends"):
+        action.perform(TOLD, HOST)
+
+
 def test_an_executor_that_hangs_is_told() -> None:
     client = ExecutorClient({"a": CommandAction(type="command", command=("true",), timeout=0.1)}, HOST)
     try:
@@ -134,7 +206,7 @@ class ScriptedExecutor:
             os.close(self._write)
         self._write = -1
 
-    def wait(self) -> None:
+    def wait(self, timeout: float | None = None) -> None:
         pass
 
 
