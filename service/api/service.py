@@ -78,6 +78,7 @@ class Service:
                 settings.robot_host,
                 lambda command: self.runner.send(command),
                 settings.robot_port,
+                kept=settings.events.path is not None,
             )
         except RulesError as error:
             raise SettingsError(str(error)) from None
@@ -145,6 +146,7 @@ class Service:
             await asyncio.wait([loading, *reloads])
             await self.ports.stop()
             await self.runner.stop()
+            self.reactions.note_end()
             self._end_contacts("the service")
             await self.webhooks.stop()
             await asyncio.to_thread(self.reaction_store.close)

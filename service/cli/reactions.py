@@ -45,7 +45,8 @@ def check(
 ) -> int:
     """Check the rules in FILE and describe each in words, then each action.
 
-    Warns of programs and files that actions need and that this computer does not have.
+    Warns of programs and files that actions need and that this computer does not have, and of what needs
+    `contactsense serve --journal`.
 
     With --replay, no contact is announced. A latched collision is acknowledged as soon as nothing touches the
     arm, so that each time at which a collision level would have been exceeded is shown.
@@ -60,13 +61,14 @@ def check(
         fired = None if replay is None else _fired(rules, scene, read(replay, scene, columns))
     except (RulesError, SceneError, RecordingError, MappingError) as error:
         raise click.ClickException(str(error)) from None
-    for text in rules.missing:
+    for text in (*rules.missing, *rules.without_journal):
         click.echo(f"warning: {text}", err=True)
     if as_json:
         report: dict[str, Any] = {
             "rules": [explain(rules, rule) for rule in rules.rules],
             "actions": explain_actions(rules),
             "missing": rules.missing,
+            "without_journal": rules.without_journal,
         }
         if fired is not None:
             report["fired"] = [decision.as_dict() for decision in fired]

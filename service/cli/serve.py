@@ -4,6 +4,7 @@ import contextlib
 import logging
 import os
 import shlex
+import signal
 import socket
 import ssl
 from pathlib import Path
@@ -205,9 +206,19 @@ class _Server(uvicorn.Server):
     then end in a traceback.
     """
 
+    _signal: signal.Signals | None = None
+
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         """Begin to shut down."""
+        self._signal = self._signal or signal.Signals(sig)
         self.should_exit = True
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """Log why the service ends, and shut down."""
+        # Not in `handle_exit`: a signal may come while a line is being logged.
+        if self._signal is not None:
+            logging.getLogger("contactsense").info("the service ends: it received %s", self._signal.name)
+        await super().shutdown(sockets)
 
 
 class _LogLines:

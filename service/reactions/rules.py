@@ -17,6 +17,7 @@ from contactsense.robots.yaml_fields import read_fields
 from contactsense.scene import Scene, describe
 from contactsense.scene_model.reading_limits import LARGEST_FORCE
 from contactsense.service.reactions.actions import Action
+from contactsense.service.reactions.actions.speed_slider import SpeedSliderAction
 
 ANY, TOOL = "any", "tool"
 """Names in `links` for all links, and for the scene's tool regardless of its name."""
@@ -220,6 +221,16 @@ class ReactionRules(FileModel):
         """What actions need on this computer and do not find, one readable line each."""
         found = {name: action.missing() for name, action in self.actions.items()}
         return tuple(f"action {name}: {text}" for name, text in found.items() if text)
+
+    @property
+    def without_journal(self) -> tuple[str, ...]:
+        """What a service without a journal in a file does not do, one readable line each."""
+        return tuple(
+            f"action {name}: without --journal FILE the speed slider stays low if the service ends while it "
+            "is lowered: no later start raises it"
+            for name, action in self.actions.items()
+            if isinstance(action, SpeedSliderAction) and action.restore is not None
+        )
 
     def check(self, scene: Scene) -> None:
         """Check that the rules fit the scene.

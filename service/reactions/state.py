@@ -68,6 +68,7 @@ class Reactions:
         robot_host: Address of the robot that sends the samples.
         send: Sends a command to the pipeline's process; returns False if there is none.
         robot_port: RTDE port of that robot.
+        kept: Whether a later start of the service knows what is latched and lowered: from the journal's file.
 
     Raises:
         RulesError: An action needs the robot's address, and there is none.
@@ -79,7 +80,9 @@ class Reactions:
         robot_host: str | None,
         send: Callable[[dict[str, Any]], bool],
         robot_port: int = RTDE_PORT,
+        kept: bool = True,
     ) -> None:
+        self._kept = kept
         self._robot_host, self._robot_port, self._send = robot_host, robot_port, send
         self.rules: ReactionRules | None = None
         self._report: dict[str, Any] = {"active": [], "expected": [], "actions": {}}
@@ -113,8 +116,9 @@ class Reactions:
         if rules is not None and rules.robot.host is None and rules.robot.rtde_port is None:
             rules = rules.model_copy(update={"robot": RobotAddress(rtde_port=self._robot_port)})
         self.rules, self._host = rules, host
-        for text in () if rules is None else rules.missing:
-            log.warning("reactions: %s", text)
+        if rules is not None:
+            for text in (*rules.missing, *(() if self._kept else rules.without_journal)):
+                log.warning("reactions: %s", text)
         if self._lowered is not None and self._slider is None:
             log.warning("reactions: the speed slider is at %.3g %%: %s", 100.0 * self._lowered, self._after)
             self._set_lowered(None)
@@ -135,6 +139,22 @@ class Reactions:
                 "rule %s: the collision on %s is still latched", found["rule"], found["link"] or "the arm"
             )
 
+    def note_end(self) -> None:
+        """Log a speed slider that stays low when the service ends.
+
+        It is not raised then: a force may still act, and nothing would see when it has ended.
+        """
+        if self._lowered is None:
+            return
+        after = self._after
+        if self._raises:
+            after = (
+                "the next start raises it once no force acts, unless somebody has moved it"
+                if self._kept
+                else "a force may still act, and without --journal no later start raises it: raise it by hand"
+            )
+        log.warning("the service ends with the speed slider at %.3g %%: %s", 100.0 * self._lowered, after)
+
     @property
     def factory(self) -> Callable[[Scene], ReactionListener] | None:
         """Function that creates the listener in the pipeline's process; None if there are no rules."""
@@ -150,11 +170,16 @@ class Reactions:
         return next((action for action in found.values() if isinstance(action, SpeedSliderAction)), None)
 
     @property
+    def _raises(self) -> bool:
+        """Whether the speed slider is raised after it was lowered."""
+        return self._slider is not None and self._slider.restore is not None
+
+    @property
     def _after(self) -> str:
         """What becomes of a speed slider that is low."""
         if self._slider is None:
             return "no action raises it any more"
-        if self._slider.restore is None:
+        if not self._raises:
             return "it stays there, as its action has no restore"
         return "it is raised once no force acts, unless somebody has moved it"
 

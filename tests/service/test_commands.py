@@ -123,6 +123,7 @@ def test_serve_tells_where_it_is_and_ends_when_told(number: signal.Signals) -> N
     process.send_signal(number)
     _, err = process.communicate(timeout=30)
     assert process.returncode == 0
+    assert err.count(f"the service ends: it received {number.name}\n") == 1
     assert "Traceback" not in err
 
 

@@ -179,6 +179,41 @@ def test_check_does_not_say_that_nothing_fires_in_a_recording_that_cannot_be_use
     assert CliRunner().invoke(cli, [*arguments, "--columns", "time=time"]).exit_code == 1
 
 
+def slow_rules(folder: Path) -> Path:
+    """Rules that lower the slider of a robot that cannot be reached."""
+    rules = {
+        "robot": {"host": "192.0.2.1"},
+        "actions": {"slow": {"type": "speed_slider", "fraction": 0.1, "restore": 1.0}},
+        "rules": [{"name": "arm", "links": ["any"], "contact": {"force": 20.0, "actions": ["slow"]}}],
+    }
+    (folder / "rules.yaml").write_text(yaml.safe_dump(rules))
+    return folder / "rules.yaml"
+
+
+def test_check_says_what_a_slider_needs_to_be_raised_after_a_restart(tmp_path: Path) -> None:
+    arguments = ["reactions", "check", str(slow_rules(tmp_path))]
+    told = CliRunner().invoke(cli, arguments)
+    assert told.exit_code == 0, told.output
+    assert "warning: action slow: without --journal FILE the speed slider stays low" in told.stderr
+    (text,) = json.loads(CliRunner().invoke(cli, [*arguments, "--json"]).stdout)["without_journal"]
+    assert text.startswith("action slow: without --journal FILE")
+
+
+def test_the_end_of_the_service_tells_of_a_slider_that_is_low(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    app = create_app(Settings.checked({"reactions": {"file": slow_rules(tmp_path)}}))
+    with serving(app):
+        app.state.service.reactions.handle_report(
+            {"started": False, "restored": True, "answer": None, "active": [], "expected": [],
+             "actions": {}, "lowered": 0.1}
+        )  # fmt: skip
+        assert not any("the service ends with" in text for text in caplog.messages)
+    assert any(
+        "ends with the speed slider at 10 %: a force may still act" in text for text in caplog.messages
+    )
+
+
 @pytest.mark.parametrize("text", ["rules: []", "rules: [{name: a, links: [leg], contact: {force: 5}}]", "3"])
 def test_check_refuses_in_one_line(tmp_path: Path, text: str) -> None:
     (tmp_path / "rules.yaml").write_text(text)

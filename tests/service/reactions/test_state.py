@@ -86,3 +86,40 @@ def test_rules_that_vanish_are_reported(caplog: pytest.LogCaptureFixture) -> Non
         assert not caplog.messages
         reactions.replace(None)
     assert caplog.messages == ["reactions: there are no rules any more: nothing reacts to contacts"]
+
+
+@pytest.mark.parametrize(
+    ("restore", "kept", "after"),
+    [
+        (1.0, True, "the next start raises it once no force acts, unless somebody has moved it"),
+        (
+            1.0,
+            False,
+            "a force may still act, and without --journal no later start raises it: raise it by hand",
+        ),
+        (None, True, "it stays there, as its action has no restore"),
+    ],
+)
+def test_a_slider_that_is_low_at_the_end_is_told(
+    caplog: pytest.LogCaptureFixture, restore: float | None, kept: bool, after: str
+) -> None:
+    action = SpeedSliderAction(type="speed_slider", fraction=0.1, restore=restore)
+    rules = RULES.model_copy(update={"actions": {"slow": action}})
+    reactions = Reactions(rules, "192.0.2.1", lambda _: True, kept=kept)
+    with caplog.at_level(logging.WARNING, "contactsense"):
+        caplog.clear()
+        reactions.note_end()
+        assert not caplog.messages
+        reactions.handle_report(report(restored=True, lowered=0.1))
+        reactions.note_end()
+    assert caplog.messages == [f"the service ends with the speed slider at 10 %: {after}"]
+
+
+@pytest.mark.parametrize(("kept", "times"), [(True, 0), (False, 1)])
+def test_a_start_without_a_journal_says_what_becomes_of_the_slider(
+    caplog: pytest.LogCaptureFixture, kept: bool, times: int
+) -> None:
+    with caplog.at_level(logging.WARNING, "contactsense"):
+        Reactions(SLOW, "192.0.2.1", lambda _: True, kept=kept)
+    told = "reactions: action slow: without --journal FILE the speed slider stays low if the service ends"
+    assert [text.startswith(told) for text in caplog.messages] == [True] * times
