@@ -21,7 +21,10 @@ class EventsOut(BaseModel):
     """Events of the journal, oldest first."""
 
     events: list[ContactEvent]
-    last: int = Field(description="Number of the newest event in the journal, listed here or not.")
+    last: int = Field(
+        description="Number of the newest event in the journal, listed here or not. If it is less than the "
+        "request's `since`, that number is of another journal, and events are listed from the first on."
+    )
 
 
 def _journal(connection: HTTPConnection) -> Journal:
@@ -43,7 +46,10 @@ async def events(
     limit: Annotated[int, Query(ge=1, le=10_000)] = 500,
     kind: Annotated[list[Kind] | None, Query()] = None,
 ) -> Response:
-    """Events after number `since`, oldest first, at most `limit`; of the given kinds, by default of all."""
+    """Events after number `since`, oldest first, at most `limit`; of the given kinds, by default of all.
+
+    A `since` beyond the last number is of another journal: all events are listed.
+    """
     last = journal.last
     found = await asyncio.to_thread(journal.since, since, limit, kind or ())
     return Response(_body(found, last), media_type="application/json")
@@ -56,6 +62,7 @@ async def event_stream(
     since: Annotated[int | None, Query(ge=0, le=2**62)] = None,
 ) -> None:
     """Each event as JSON text: those after number `since` first, then live; without `since` live only.
+    A `since` beyond the last number is of another journal: all its events come first.
 
     Events for a slow reader wait in the journal, not in memory.
     """

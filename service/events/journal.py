@@ -101,7 +101,7 @@ class Journal:
 
     @property
     def last(self) -> int:
-        """Number of the latest event; 0 if there has been none."""
+        """Number of the latest event. Where there has been none, events will have larger numbers."""
         return self._last
 
     def subscribe(self, on_event: Callable[[ContactEvent], None]) -> Callable[[], None]:
@@ -124,7 +124,13 @@ class Journal:
         return numbered
 
     def since(self, number: int, limit: int = 500, kinds: Sequence[str] = ()) -> list[str]:
-        """Return at most `limit` events after that number as JSON, oldest first, of all or of some kinds."""
+        """Return at most `limit` events after that number as JSON, oldest first, of all or of some kinds.
+
+        A number that has not been given yet belongs to another journal, such as a file that was deleted: all
+        events are after it.
+        """
+        if number > self._last:
+            number = 0
         with self._numbering:  # before the file: an event committed in between is then in both
             waiting = [row for row in self._waiting if row[0] > number and (not kinds or row[1] in kinds)]
         marks = ",".join("?" * len(kinds))
@@ -207,10 +213,11 @@ class Journal:
         return (pages - free) * size
 
     def _read_last(self) -> int:
-        if self._settings.path is None:
-            return time.time_ns() // 1_000_000  # numbers must rise over restarts here too
         row = self._database.execute("SELECT value FROM numbers WHERE name = 'reserved'").fetchone()
         (highest,) = self._database.execute("SELECT max(id) FROM events").fetchone()
+        if row is None and highest is None:
+            # Numbers must rise, too, where another journal was used before, in memory or in a file.
+            return time.time_ns() // 1_000_000
         return max(0 if row is None else int(row[0]), highest or 0)
 
     def _reserve(self, upto: int) -> None:

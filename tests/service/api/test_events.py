@@ -66,6 +66,20 @@ def test_a_reader_that_comes_back_gets_what_it_missed_and_then_what_comes(
         assert json.loads(stream.recv(5))["contact"] == 4
 
 
+def test_a_reader_of_another_journal_gets_all_events(served: tuple[Journal, str]) -> None:
+    """The service was started with a new journal, whose numbers are smaller."""
+    journal, place = served
+    ahead = journal.last + 10**6
+    add(journal, 0, 1)
+    with connect(f"ws://{place}/v1/events?since={ahead}") as stream:
+        assert [json.loads(stream.recv(5))["contact"] for _ in range(2)] == [0, 1]
+        add(journal, 2)
+        assert json.loads(stream.recv(5))["contact"] == 2
+    answer = http.get(f"http://{place}/v1/events", params={"since": ahead}).json()
+    assert [event["contact"] for event in answer["events"]] == [0, 1, 2]
+    assert answer["last"] < ahead
+
+
 def test_a_reader_that_stalls_misses_none(served: tuple[Journal, str]) -> None:
     journal, place = served
     count = 3000
