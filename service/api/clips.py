@@ -1,8 +1,10 @@
 """HTTP routes for clips of the last minutes and for recordings on request."""
 
+import asyncio
 import itertools
 import logging
 from collections.abc import Callable
+from pathlib import Path
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends
@@ -14,6 +16,7 @@ from contactsense.service.api.errors import BODY_REFUSALS, FieldRefusedError, Re
 from contactsense.service.api.json_route import JsonRoute
 from contactsense.service.api.messages import ErrorOut
 from contactsense.service.api.request_body import RequestBody
+from contactsense.service.recordings.clip_files import clip_names, read_clip_file
 from contactsense.service.recordings.clip_listener import RecordingSettings
 
 router = APIRouter(route_class=JsonRoute)
@@ -39,7 +42,9 @@ class ClipIn(RequestBody):
 class ClipOut(BaseModel):
     """One clip."""
 
-    number: int = Field(description="Number of the clip since the service began.")
+    number: int | None = Field(
+        description="Number of the clip since the service began; null of one that was in the folder before."
+    )
     reason: str = Field("", description="Why it was asked for.")
     file: str | None = Field(
         None, description="Name of the file; null while it is still being recorded, and if it failed."
@@ -49,7 +54,7 @@ class ClipOut(BaseModel):
 
 
 class ClipsOut(BaseModel):
-    """Clips since the service started, the latest last."""
+    """Clips in the folder, and those that are being recorded or have failed; the latest last."""
 
     folder: str = Field(description="Where the files are, on the service's host.")
     clips: list[ClipOut]
@@ -85,6 +90,11 @@ class Clips:
         self._started = False  # whether any process has written clips and recording
         self._rows_before = 0  # in files that are complete or broken off
         self.clips: dict[int, ClipOut] = {}
+        """Those since the service began, by number."""
+        # Later ones are known by their number; a file may be there before it is reported.
+        self._earlier: dict[str, ClipOut | None] = dict.fromkeys(
+            [] if settings.folder is None else clip_names(settings.folder)
+        )
         self.recording = RecordingOut(folder=str(settings.folder), on=False)
 
     def request(self, before: float | None, after: float | None, reason: str) -> dict[str, Any]:
@@ -99,6 +109,38 @@ class Clips:
         while len(self.clips) > _MOST:
             del self.clips[next(iter(self.clips))]
         return {"type": "clip", "number": number, "before": before, "after": after, "reason": reason}
+
+    def order(self, before: float | None, after: float | None, reason: str) -> ClipOut | None:
+        """Order a new clip of the pipeline; returns None, and lists no clip, if no pipeline runs.
+
+        Raises:
+            FieldRefusedError: the clip is longer than what the service keeps in memory.
+        """
+        command = self.request(before, after, reason)
+        if not self._send(command):
+            del self.clips[command["number"]]
+            return None
+        return self.clips[command["number"]]
+
+    def order_of_collision(self, link: str) -> None:
+        """Order the clip of a collision. Nobody else would be told that it is missing: it is listed, too, if
+        no pipeline runs."""
+        command = self.request(None, None, f"collision on {link}")
+        if not self._send(command):
+            self._fail(self.clips[command["number"]], "no pipeline runs that has the samples")
+
+    def listed(self) -> list[ClipOut]:
+        """The newest clips: those that were in the folder when the service began and still are, then those
+        since. Reads files."""
+        folder = self.settings.folder
+        if folder is None:
+            return []
+        found = []
+        for name in clip_names(folder)[-_MOST:]:
+            if name in self._earlier:
+                clip = self._earlier[name] = self._earlier[name] or _clip_of_file(folder / name)
+                found.append(clip)
+        return [*found, *self.clips.values()][-_MOST:]
 
     def record(self, on: bool) -> bool:
         """Start or stop the recording; returns False if no pipeline runs."""
@@ -128,15 +170,19 @@ class Clips:
             self._resume()
         elif report["type"] == "clip" and report["number"] in self.clips:
             clip = self.clips[report["number"]]
-            clip.file, clip.samples, clip.error = report["file"], report["samples"], report["error"]
-            if clip.error:
-                log.error("clip %d (%s) was not written: %s", clip.number, clip.reason, clip.error)
+            clip.file, clip.samples = report["file"], report["samples"]
+            if report["error"]:
+                self._fail(clip, report["error"])
         elif report["type"] == "recording":
             self.recording.on, self.recording.error = report["on"], report["error"]
             if report["error"]:  # what was written before stays; a later file is counted from 0
                 self._rows_before = self.recording.rows
             else:
                 self.recording.rows = self._rows_before + report["rows"]
+
+    def _fail(self, clip: ClipOut, error: str) -> None:
+        clip.error = error
+        log.error("clip %d (%s) was not written: %s", clip.number, clip.reason, error)
 
     def _resume(self) -> None:
         """A process has started that writes clips and recording; it has forgotten those of the one before.
@@ -152,6 +198,15 @@ class Clips:
                 log.warning("the recording goes on in a new file: the pipeline was started again")
             self._send({"type": "record", "on": True})
         self._started = True
+
+
+def _clip_of_file(path: Path) -> ClipOut:
+    """A clip of which only the file is known."""
+    try:
+        found = read_clip_file(path)
+    except (OSError, ValueError) as error:
+        return ClipOut(number=None, file=path.name, error=str(error))
+    return ClipOut(number=None, reason=found.reason, file=path.name, samples=found.samples)
 
 
 def _service(connection: HTTPConnection) -> Any:
@@ -177,17 +232,18 @@ def _no_samples(service: Any) -> HTTPException:
 async def clip(service: Shared, request: ClipIn) -> ClipOut:
     """Save the samples, as they were used, and their estimates in a time span around this moment to a
     file."""
-    command = service.clips.request(request.before, request.after, request.reason)
-    if not service.runner.send(command):
+    found: ClipOut | None = service.clips.order(request.before, request.after, request.reason)
+    if found is None:
         raise _no_samples(service)
-    found: ClipOut = service.clips.clips[command["number"]]
     return found
 
 
-@router.get("/v1/clips", summary="Clips since the start", responses=_NO_FOLDER)
+@router.get("/v1/clips", summary="List clips", responses=_NO_FOLDER)
 async def clips(service: Shared) -> ClipsOut:
-    """Clips since the service started."""
-    return ClipsOut(folder=str(service.clips.settings.folder), clips=list(service.clips.clips.values()))
+    """Clips in the service's folder, those that are being recorded, and those that failed since the service
+    started; at most 1000, the latest last."""
+    found = await asyncio.to_thread(service.clips.listed)
+    return ClipsOut(folder=str(service.clips.settings.folder), clips=found)
 
 
 @router.post(

@@ -191,7 +191,7 @@ class Service:
         self._contacts.note(event)
         self.hub.add_event(self.journal.append(event).model_dump_json().encode())
         if event.kind == "collision" and self.clips.settings.folder is not None:
-            self.runner.send(self.clips.request(None, None, f"collision on {event.link}"))
+            self.clips.order_of_collision(event.link)
 
     def _end_contacts(self, who: str) -> None:
         """Release the open contacts, because `who` has ended: the next process numbers its own from 1 on."""

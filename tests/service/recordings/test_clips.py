@@ -164,6 +164,61 @@ def test_a_clip_that_is_requested_while_the_pipeline_loads_is_not_lost(tmp_path:
     assert clips.clips[1].error == ""
 
 
+def test_a_clip_that_is_refused_is_not_listed(tmp_path: Path) -> None:
+    runs = False
+    clips = Clips(RecordingSettings(folder=tmp_path), lambda _: runs)
+    assert clips.order(None, None, "door") is None
+    assert clips.listed() == []
+    runs = True
+    ordered = clips.order(None, None, "door")
+    assert ordered is not None
+    assert clips.listed() == [ordered]
+
+
+def test_the_clip_of_a_collision_that_no_pipeline_takes_is_listed_as_failed(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    clips = Clips(RecordingSettings(folder=tmp_path), lambda _: False)
+    clips.order_of_collision("forearm")
+    (clip,) = clips.listed()
+    assert (clip.reason, clip.file) == ("collision on forearm", None)
+    assert "no pipeline runs" in clip.error
+    assert "clip 1 (collision on forearm) was not written" in caplog.text
+
+
+def test_clips_of_before_are_listed_with_their_reason(tmp_path: Path) -> None:
+    listener = ClipListener(SCENE, RecordingSettings(folder=tmp_path, minutes=0.1), 500.0)
+    for i in range(100):
+        listener.receive(sample(i), estimate(i))
+    for number, reason in ((1, "door"), (2, "collision on forearm")):
+        listener.command(
+            {"type": "clip", "number": number, "before": 100.0, "after": 0.0001, "reason": reason}
+        )
+    time.sleep(0.01)
+    listener.tick(time.monotonic())
+    listener.close()
+    (tmp_path / "clip-20990101T000000-000003.parquet").write_text("no table")
+    clips = Clips(RecordingSettings(folder=tmp_path), lambda _: True)
+    clips.order(None, None, "window")
+    # A file of this run, before it is reported.
+    (tmp_path / "clip-20990101T000001-000001.parquet").write_text("")
+    door, collision, broken, window = clips.listed()
+    assert [clip.number for clip in (door, collision, broken, window)] == [None, None, None, 1]
+    assert [door.reason, collision.reason, window.reason] == ["door", "collision on forearm", "window"]
+    assert (door.samples, collision.samples) == (100, 100)
+    assert door.file is not None
+    assert "cannot be read as Parquet" in broken.error
+    (tmp_path / door.file).unlink()
+    assert [clip.reason for clip in clips.listed()] == ["collision on forearm", "", "window"]
+
+
+def test_without_a_pipeline_no_clip_is_left_in_the_list(tmp_path: Path) -> None:
+    with serving(create_app(Settings.checked({"recording": {"folder": tmp_path}}))) as place:
+        answer = http.post(f"http://{place}/v1/clip", json={"reason": "door"})
+        assert answer.status_code == 503
+        assert listed(f"http://{place}") == []
+
+
 @pytest.fixture(scope="module")
 def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, Path]]:
     folder = tmp_path_factory.mktemp("recordings")

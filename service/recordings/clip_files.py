@@ -1,0 +1,39 @@
+"""The files of clips in a folder, and what their metadata say."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import pyarrow as pa
+import pyarrow.parquet as pa_parquet
+
+from contactsense.service.recordings.metadata import PREFIX
+
+
+class ClipFile(NamedTuple):
+    """What a file says of its clip."""
+
+    reason: str
+    """Why it was asked for."""
+    samples: int
+    """Samples in it."""
+
+
+def clip_names(folder: Path) -> list[str]:
+    """Names of the clips in a folder, the oldest first; none if there is no such folder."""
+    return sorted(path.name for path in folder.glob("clip-*.parquet"))
+
+
+def read_clip_file(path: Path) -> ClipFile:
+    """Read the metadata of a clip.
+
+    Raises:
+        OSError: The file cannot be read.
+        ValueError: It is no Parquet file.
+    """
+    try:
+        with pa_parquet.ParquetFile(path) as file:
+            entries = file.schema_arrow.metadata or {}
+            reason = entries.get(f"{PREFIX}reason".encode(), b"")
+            return ClipFile(reason.decode("utf-8", "replace"), file.metadata.num_rows)
+    except pa.ArrowException as error:
+        raise ValueError(f"cannot be read as Parquet: {error}") from None
