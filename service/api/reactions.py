@@ -7,6 +7,7 @@ from pydantic import Field
 from starlette.exceptions import HTTPException
 from starlette.requests import HTTPConnection
 
+from contactsense.scene import Scene
 from contactsense.service.api.errors import BODY_REFUSALS, FieldRefusedError, Responses
 from contactsense.service.api.json_route import JsonRoute
 from contactsense.service.api.messages import ErrorOut
@@ -39,13 +40,19 @@ def _reactions(connection: HTTPConnection) -> Reactions:
     return reactions
 
 
+def _scene(connection: HTTPConnection) -> Scene:
+    scene: Scene = connection.app.state.service.scene
+    return scene
+
+
 Shared = Annotated[Reactions, Depends(_reactions)]
+SharedScene = Annotated[Scene, Depends(_scene)]
 
 
 @router.get("/v1/reactions", summary="Rules and their state")
-async def reactions(shared: Shared) -> ReactionsOut:
+async def reactions(shared: Shared, scene: SharedScene) -> ReactionsOut:
     """The rules in words, active levels, latched collisions, open windows, and the state of each action."""
-    return shared.out()
+    return shared.out(scene)
 
 
 @router.post(
@@ -53,7 +60,9 @@ async def reactions(shared: Shared) -> ReactionsOut:
     summary="Acknowledge collisions",
     responses={**BODY_REFUSALS, **_NOT_POSSIBLE},
 )
-async def acknowledge(shared: Shared, request: AcknowledgeIn | None = None) -> ReactionsOut:
+async def acknowledge(
+    shared: Shared, scene: SharedScene, request: AcknowledgeIn | None = None
+) -> ReactionsOut:
     """Clear latched collisions. A force that is still above its level latches and starts its actions
     again."""
     rule = None if request is None else request.rule
@@ -61,7 +70,7 @@ async def acknowledge(shared: Shared, request: AcknowledgeIn | None = None) -> R
     if rule is not None and rule not in known:
         raise FieldRefusedError("rule", f"expected one of {', '.join(known)}, got {rule!r}")
     await _carry_out(shared, {"type": "acknowledge", "rule": rule, "by": "POST /v1/reactions/acknowledge"})
-    return shared.out()
+    return shared.out(scene)
 
 
 @router.post(
@@ -69,7 +78,7 @@ async def acknowledge(shared: Shared, request: AcknowledgeIn | None = None) -> R
     summary="Announce an expected contact",
     responses={**BODY_REFUSALS, **_NOT_POSSIBLE},
 )
-async def expected(shared: Shared, request: ExpectedIn) -> ReactionsOut:
+async def expected(shared: Shared, scene: SharedScene, request: ExpectedIn) -> ReactionsOut:
     """Open or close the window of an expected contact; the rules file defines its point and force."""
     known = [window.name for window in _rules(shared).expected]
     if not known:
@@ -77,7 +86,7 @@ async def expected(shared: Shared, request: ExpectedIn) -> ReactionsOut:
     if request.name not in known:
         raise FieldRefusedError("name", f"expected one of {', '.join(known)}, got {request.name!r}")
     await _carry_out(shared, {"type": "announce" if request.open else "withdraw", "name": request.name})
-    return shared.out()
+    return shared.out(scene)
 
 
 def _rules(shared: Reactions) -> ReactionRules:

@@ -13,7 +13,7 @@ from contactsense.runtime.block_runner import MAX_BLOCK
 from contactsense.scene import describe
 from contactsense.service.reactions.decision import Decision
 from contactsense.service.reactions.engine import Engine
-from contactsense.service.reactions.explain import explain, explain_actions
+from contactsense.service.reactions.explain import explain, explain_actions, explain_expected
 from contactsense.service.reactions.rules import ReactionRules, RulesError
 from contactsense.service.recordings import MappingError, Recording, RecordingError, read
 from contactsense.service.recordings.problem_lines import problem_lines
@@ -45,8 +45,8 @@ def check(
 ) -> int:
     """Check the rules in FILE and describe each in words, then each action.
 
-    Warns of programs and files that actions need and that this computer does not have, and of what needs
-    `contactsense serve --journal`.
+    Warns of groups with the name of a link, of programs and files that actions need and that this computer
+    does not have, and of what needs `contactsense serve --journal`.
 
     With --replay, no contact is announced. A latched collision is acknowledged as soon as nothing touches the
     arm, so that each time at which a collision level would have been exceeded is shown.
@@ -61,12 +61,13 @@ def check(
         fired = None if replay is None else _fired(rules, scene, read(replay, scene, columns))
     except (RulesError, SceneError, RecordingError, MappingError) as error:
         raise click.ClickException(str(error)) from None
-    for text in (*rules.missing, *rules.without_journal):
+    for text in (*rules.shadowed_links(scene), *rules.missing, *rules.without_journal):
         click.echo(f"warning: {text}", err=True)
     if as_json:
         report: dict[str, Any] = {
-            "rules": [explain(rules, rule) for rule in rules.rules],
+            "rules": [explain(rules, rule, scene) for rule in rules.rules],
             "actions": explain_actions(rules),
+            "shadowed_links": rules.shadowed_links(scene),
             "missing": rules.missing,
             "without_journal": rules.without_journal,
         }
@@ -75,15 +76,11 @@ def check(
         click.echo(json.dumps(report))
         return 0
     for rule in rules.rules:
-        click.echo(explain(rules, rule))
+        click.echo(explain(rules, rule, scene))
     for name, text in explain_actions(rules).items():
         click.echo(f"action {name}: {text}.")
     for window in rules.expected:
-        place = "" if window.point is None else f" within {window.radius:g} m of {window.point}"
-        click.echo(
-            f"{window.name}: when announced, contacts on {', '.join(window.links)}{place} may reach "
-            f"{window.force:g} N, for at most {window.timeout:g} s."
-        )
+        click.echo(explain_expected(rules, window, scene))
     if fired is not None:
         _print(fired, replay)
     return 0

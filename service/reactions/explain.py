@@ -2,7 +2,8 @@
 
 import math
 
-from contactsense.service.reactions.rules import ANY, Level, ReactionRules, Rule
+from contactsense.scene import Scene
+from contactsense.service.reactions.rules import ANY, ExpectedContact, Level, ReactionRules, Rule
 
 _DEGRADED = {
     "act": "A degraded estimate counts like any other.",
@@ -11,10 +12,13 @@ _DEGRADED = {
 }
 
 
-def explain(rules: ReactionRules, rule: Rule) -> str:
-    """Describe one rule; its actions are named, see `explain_actions`."""
-    links = "any link" if ANY in rule.links else ", ".join(rule.links)
-    parts = [f"{rule.name}: on {links}{_when(rules, rule)}{_where(rule)}:"]
+def explain(rules: ReactionRules, rule: Rule, scene: Scene) -> str:
+    """Describe one rule; its actions are named, see `explain_actions`.
+
+    Raises:
+        RulesError: A link is unknown.
+    """
+    parts = [f"{rule.name}: on {_links(rules, rule.links, scene)}{_when(rules, rule)}{_where(rule)}:"]
     if rule.contact is not None:
         parts.append(f"contact {_level(rule.contact)}, until the force has gone.")
     if rule.collision is not None:
@@ -22,9 +26,31 @@ def explain(rules: ReactionRules, rule: Rule) -> str:
     return " ".join([*parts, _DEGRADED[rule.on_degraded]])
 
 
+def explain_expected(rules: ReactionRules, expected: ExpectedContact, scene: Scene) -> str:
+    """Describe one expected contact.
+
+    Raises:
+        RulesError: A link is unknown.
+    """
+    place = "" if expected.point is None else f" within {expected.radius:g} m of {expected.point}"
+    links = _links(rules, expected.links, scene)
+    return (
+        f"{expected.name}: when announced, contacts on {links}{place} may reach {expected.force:g} N, "
+        f"for at most {expected.timeout:g} s."
+    )
+
+
 def explain_actions(rules: ReactionRules) -> dict[str, str]:
     """Describe each action once, by name; those that no rule uses as well."""
     return {name: action.describe() for name, action in rules.actions.items()}
+
+
+def _links(rules: ReactionRules, names: tuple[str, ...], scene: Scene) -> str:
+    """The links for which names in a rule stand, those of groups as well."""
+    if ANY in names:
+        return "any link"
+    found = rules.links_of(names, scene)
+    return ", ".join(link for link in scene.link_names if link in found)
 
 
 def _when(rules: ReactionRules, rule: Rule) -> str:

@@ -8,6 +8,7 @@ from pydantic import (
     Field,
     PositiveFloat,
     ValidationError,
+    field_validator,
     model_validator,
 )
 
@@ -151,6 +152,13 @@ class ReactionRules(FileModel):
     rules: Annotated[tuple[Rule, ...], Field(min_length=1)]
     expected: tuple[ExpectedContact, ...] = ()
 
+    @field_validator("groups")
+    @classmethod
+    def _has_no_group_any(cls, groups: dict[str, tuple[str, ...]]) -> dict[str, tuple[str, ...]]:
+        if ANY in groups:
+            raise ValueError(f"expected names of groups other than {ANY!r}, which stands for all links")
+        return groups
+
     @model_validator(mode="after")
     def _is_consistent(self) -> Self:
         for what, names in (
@@ -194,7 +202,7 @@ class ReactionRules(FileModel):
         """Return the links of the scene for names of links and groups, `tool` and `any`.
 
         Raises:
-            RulesError: There is no such link.
+            RulesError: There is no such link, or a group contains itself.
         """
         return self._links_of(names, scene, ())
 
@@ -210,11 +218,30 @@ class ReactionRules(FileModel):
                 found.add(scene.tool.name)
             elif name in scene.link_names:
                 found.add(name)
+            elif name in inside:
+                way = inside[inside.index(name) + 1 :]
+                through = f", through {', '.join(way)}" if way else ""
+                raise RulesError(f"group {name} contains itself{through}")
             else:
                 known = (*scene.link_names, *self.groups, ANY)
                 hint = "; the scene has no tool with a surface" if name == TOOL else ""
                 raise RulesError(f"links: expected some of {', '.join(known)}, got {name!r}{hint}")
         return frozenset(found)
+
+    def shadowed_links(self, scene: Scene) -> tuple[str, ...]:
+        """Groups with the name of a link, or `tool`, one readable line each: in rules the name stands for the
+        group.
+
+        Raises:
+            RulesError: A link is unknown.
+        """
+        found = []
+        for name in self.groups:
+            if name in (TOOL, *scene.link_names):
+                links = self.links_of((name,), scene)
+                of_group = ", ".join(link for link in scene.link_names if link in links)
+                found.append(f"group {name} has the name of a link: in rules {name} stands for {of_group}")
+        return tuple(found)
 
     @property
     def missing(self) -> tuple[str, ...]:

@@ -51,6 +51,8 @@ class ReactionSettings(BaseModel):
             rules.check(scene)
         except RulesError as error:
             raise RulesError(f"{file}: {error}") from None
+        for text in rules.shadowed_links(scene):
+            log.warning("reactions: %s", text)
         log.info("reactions: rules of %s: %s", file, ", ".join(rule.name for rule in rules.rules))
         return rules
 
@@ -284,14 +286,14 @@ class Reactions:
             actions=actions,
         )
 
-    def out(self) -> ReactionsOut:
-        """Response of `GET /v1/reactions`."""
+    def out(self, scene: Scene) -> ReactionsOut:
+        """Response of `GET /v1/reactions`; `scene`: the scene that the rules fit."""
         if self.rules is None:
             return ReactionsOut()
         health = self.health()
         return ReactionsOut(
             status=health.status,
-            rules=[explain(self.rules, rule) for rule in self.rules.rules],
+            rules=[explain(self.rules, rule, scene) for rule in self.rules.rules],
             does=explain_actions(self.rules),
             active=self._report["active"],
             latched=self.latches,

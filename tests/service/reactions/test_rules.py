@@ -37,9 +37,9 @@ def load(tmp_path: Path, text: str, scene: Scene = SCENE) -> ReactionRules:
 
 def test_a_rule_in_words(tmp_path: Path) -> None:
     rules = load(tmp_path, FILE)
-    words = explain(rules, rules.rules[0])
+    words = explain(rules, rules.rules[0], SCENE)
     for part in (
-        "arm: on arm, wrist_1 while a joint is faster than 0.02 rad/s",
+        "arm: on upper_arm, forearm, wrist_1 while a joint is faster than 0.02 rad/s",
         "for forces within 29 degrees of (0, 0, -1) in base axes",
         "contact above 15 N with probability 0.9: tell, slow, until the force has gone",
         "collision above 60 N with probability 0.95 for 10 ms",
@@ -68,13 +68,36 @@ def test_groups_of_groups(tmp_path: Path) -> None:
     )
     assert rules.links_of(("both",), SCENE) == {"upper_arm", "forearm", "wrist_1", "wrist_3"}
     assert rules.links_of(("forearm",), SCENE) == {"forearm", "wrist_3"}
-    with pytest.raises(RulesError, match=r"groups: a: links: expected some of .*, got 'a'"):
+    with pytest.raises(RulesError, match=r"groups: a: group a contains itself, through b$"):
         load(tmp_path, FILE.replace("groups: {arm: [upper_arm, forearm]}", "groups: {a: [b], b: [a]}"))
+
+
+def test_a_group_that_contains_itself_is_named(tmp_path: Path) -> None:
+    with pytest.raises(RulesError, match=r"groups: arm: group arm contains itself$"):
+        load(tmp_path, FILE.replace("[upper_arm, forearm]", "[upper_arm, arm]"))
+
+
+def test_a_group_with_the_name_of_a_link_is_told(tmp_path: Path) -> None:
+    """Whoever reads `links: [forearm]` thinks of that link."""
+    text = FILE.replace("groups: {arm: [upper_arm, forearm]}", "groups: {forearm: [wrist_1], arm: [forearm]}")
+    rules = load(tmp_path, text.replace("links: [arm, wrist_1]", "links: [forearm]"))
+    assert explain(rules, rules.rules[0], SCENE).startswith("arm: on wrist_1 while")
+    told = CliRunner().invoke(check, [str(tmp_path / "reactions.yaml")])
+    assert told.exit_code == 0
+    text = "group forearm has the name of a link: in rules forearm stands for wrist_1"
+    assert f"warning: {text}" in told.stderr
+    assert "arm: on wrist_1 while" in told.stdout
+    assert load(tmp_path, FILE).shadowed_links(SCENE) == ()
 
 
 @pytest.mark.parametrize(
     ("before", "after", "complaint"),
     [
+        (
+            "{arm: [upper_arm, forearm]}",
+            "{arm: [base], any: [base]}",
+            "groups: expected names of groups other",
+        ),
         ("force: 15", "force: -15", "rules[0].contact.force: expected a number above 0"),
         ("force: 60", "force: 60000", "collision.force: expected a number of at most 5000, got 60000"),
         ("duration: 0.01", "duration: 100", "duration: expected a number of at most 60, got 100"),
