@@ -37,7 +37,8 @@ def from_json(value: Any) -> Any:
 def read_variables(
     environment: Mapping[str, str], names: Iterable[str]
 ) -> tuple[dict[str, Any], Callable[[Place], str]]:
-    """Settings that are environment variables.
+    """Settings that are environment variables. An empty one counts as unset: compose files set what they do
+    not know to nothing.
 
     Args:
         environment: All variables.
@@ -46,6 +47,7 @@ def read_variables(
     Returns:
         Values by name of the setting, and how the user wrote a setting or a field within it.
     """
+    environment = {name: value for name, value in environment.items() if value.strip()}
     given: dict[str, Any] = {
         name: environment[PREFIX + name.upper()] for name in names if PREFIX + name.upper() in environment
     }
@@ -81,6 +83,13 @@ def misspelled(environment: Mapping[str, str], names: Iterable[str]) -> tuple[st
         for name in own
         if name not in known and (near := did_you_mean(name, known))
     )
+
+
+def empty_token(environment: Mapping[str, str]) -> tuple[str, ...]:
+    """A warning if the token is an empty variable: whoever sets it believes that requests need one."""
+    name = f"{PREFIX}TOKEN"
+    empty = name in environment and not environment[name].strip()
+    return (f"{name} is empty, which counts as no token",) if empty else ()
 
 
 def _object(value: Any) -> dict[str, Any] | None:

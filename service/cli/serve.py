@@ -24,7 +24,7 @@ from contactsense.service.api.connections import http_protocol, websocket_protoc
 from contactsense.service.api.exposure import check_exposure
 from contactsense.service.api.sample_source import unused
 from contactsense.service.api.settings import Settings, SettingsError
-from contactsense.service.api.variables import GROUPED, misspelled
+from contactsense.service.api.variables import GROUPED, empty_token, misspelled
 from contactsense.service.cli.option_names import as_options
 from contactsense.service.cli.sensor_options import sensor_options
 from contactsense.service.free_ports import PortError, reason
@@ -130,7 +130,8 @@ def serve(**options: Any) -> int:
         scene, log = app.state.service.scene, logging.getLogger("contactsense")
         for warning in scene_warnings(scene):
             log.warning("scene: %s", warning)
-        for line in (*unused(settings, scene), *misspelled(os.environ, Settings.model_fields)):
+        own = (*misspelled(os.environ, Settings.model_fields), *empty_token(os.environ))
+        for line in (*unused(settings, scene), *own):
             log.warning("%s", line)
     except SettingsError as error:
         raise click.ClickException(str(error)) from None

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from contactsense.service.api.settings import Settings, SettingsError
-from contactsense.service.api.variables import misspelled
+from contactsense.service.api.variables import GROUPED, empty_token, misspelled
 
 
 def test_from_the_environment() -> None:
@@ -41,6 +41,20 @@ def test_options_of_a_group_are_variables_too(tmp_path: Path) -> None:
     assert settings.reactions.file == tmp_path / "reactions.yaml"
     own = Settings.from_environment({"CONTACTSENSE_REACTIONS": '{"file": "other.yaml"}'})
     assert own.reactions.file == Path("other.yaml")
+
+
+@pytest.mark.parametrize("empty", ["", " "])
+def test_an_empty_variable_is_unset(empty: str) -> None:
+    names = [*Settings.model_fields, *(name for name, _, _ in GROUPED)]
+    environment = {f"CONTACTSENSE_{name.upper()}": empty for name in names}
+    settings = Settings.from_environment(environment)
+    assert settings.model_dump(exclude_unset=True) == {}
+    assert settings == Settings()
+    # One that is set counts beside one that is not.
+    environment["CONTACTSENSE_EVENTS"] = '{"path": "events.db"}'
+    assert Settings.from_environment(environment).events.path == Path("events.db")
+    assert empty_token(environment) == ("CONTACTSENSE_TOKEN is empty, which counts as no token",)
+    assert empty_token({}) == empty_token({"CONTACTSENSE_TOKEN": "0123456789abcdef"}) == ()
 
 
 def test_a_misspelled_variable_is_told() -> None:
