@@ -1,10 +1,12 @@
 """The rules file, `reactions.yaml`: which force on which link leads to which actions."""
 
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
     AfterValidator,
+    BeforeValidator,
+    ConfigDict,
     Field,
     PositiveFloat,
     ValidationError,
@@ -35,7 +37,13 @@ class RulesError(ValueError):
     """The rules cannot be used: the message names file and field, what was expected and what was given."""
 
 
-class Level(FileModel):
+class RulesModel(FileModel):
+    """Part of a rules file; docs/reaction_fields.md is made from what is written below each field."""
+
+    model_config = ConfigDict(use_attribute_docstrings=True)
+
+
+class Level(RulesModel):
     """A level of force and the actions that it triggers."""
 
     force: Force
@@ -50,7 +58,7 @@ class Level(FileModel):
     """Names of actions, started in this order."""
 
 
-class Direction(FileModel):
+class Direction(RulesModel):
     """A cone of directions: forces on the robot outside it do not count."""
 
     axis: Three
@@ -67,10 +75,11 @@ class Direction(FileModel):
         return self
 
 
-class Rule(FileModel):
+class Rule(RulesModel):
     """Levels for some links."""
 
     name: str
+    """Name of the rule: in events, and to acknowledge its collision."""
     links: Annotated[tuple[str, ...], Field(min_length=1)]
     """Names of links or groups, `tool`, or `any`."""
     contact: Level | None = None
@@ -80,6 +89,7 @@ class Rule(FileModel):
     condition: Annotated[Literal["moving", "rest", "any"], Field(alias="while")] = "any"
     """Whether the rule applies only while the arm moves, only at rest, or always."""
     direction: Direction | None = None
+    """Directions of force that count; None: all."""
     on_degraded: Literal["act", "hold", "ignore"] = "act"
     """Behaviour with a `degraded` estimate. `act`: treat it like any other, but keep active levels if it has
     no contacts. `hold`: no level begins or ends. `ignore`: treat it as free of contact."""
@@ -96,11 +106,12 @@ class Rule(FileModel):
         return self
 
 
-class ExpectedContact(FileModel):
+class ExpectedContact(RulesModel):
     """A contact that the robot program may announce: while its window is open, higher levels apply to such a
     contact. The file defines what can be announced and up to which force; a request only names it."""
 
     name: str
+    """Name by which a request announces it."""
     links: Annotated[tuple[str, ...], Field(min_length=1)]
     """Names of links or groups, `tool`, or `any`."""
     point: Annotated[Three, AfterValidator(in_metres)] | None = None
@@ -112,24 +123,40 @@ class ExpectedContact(FileModel):
     timeout: PositiveFloat = 10.0
     """The window closes after this time at the latest [s, robot's clock]."""
     value: Annotated[int, Field(ge=1, le=2**31 - 1)] | None = None
-    """Value of `inputs.announce` that opens the window."""
+    """Value of `inputs.announce` that opens the window; None: only a request can open it."""
 
 
-class Inputs(FileModel):
+def _register_name(value: Any) -> Any:
+    """What an input may be; a number alone does not say which kind of register is meant."""
+    if isinstance(value, int) and not isinstance(value, bool):
+        raise ValueError(
+            f"expected the name of a register, such as output_int_register_24, got the number {value}"
+        )
+    return value
+
+
+_AcknowledgeRegister = Annotated[
+    str,
+    Field(pattern=r"^output_(bit_register_(6[4-9]|[7-9]\d|1[01]\d|12[0-7])|int_register_\d+)$"),
+    BeforeValidator(_register_name),
+]
+_AnnounceRegister = Annotated[
+    str, Field(pattern=r"^output_int_register_\d+$"), BeforeValidator(_register_name)
+]
+
+
+class Inputs(RulesModel):
     """Output registers of the robot program that the service reads."""
 
-    acknowledge: (
-        Annotated[
-            str, Field(pattern=r"^output_(bit_register_(6[4-9]|[7-9]\d|1[01]\d|12[0-7])|int_register_\d+)$")
-        ]
-        | None
-    ) = None
-    """Bit or integer register; a change from 0 to another value acknowledges all collisions."""
-    announce: Annotated[str, Field(pattern=r"^output_int_register_\d+$")] | None = None
-    """Integer register that opens the window of an expected contact by its `value`; 0 closes it."""
+    acknowledge: _AcknowledgeRegister | None = None
+    """Bit or integer register, such as `output_bit_register_64`; a change from 0 to another value
+    acknowledges all collisions."""
+    announce: _AnnounceRegister | None = None
+    """Integer register, such as `output_int_register_24`, that opens the window of an expected contact by its
+    `value`; 0 closes it."""
 
 
-class RobotAddress(FileModel):
+class RobotAddress(RulesModel):
     """The controller to which actions are sent."""
 
     host: str | None = None
@@ -138,19 +165,23 @@ class RobotAddress(FileModel):
     """Its RTDE port; None: that of the controller that sends the samples, and 30004 where `host` is given."""
 
 
-class ReactionRules(FileModel):
+class ReactionRules(RulesModel):
     """Content of a rules file."""
 
     robot: RobotAddress = RobotAddress()
+    """The controller to which actions are sent."""
     moving_speed: PositiveFloat = 0.02
     """The arm moves when a joint is faster than this [rad/s]."""
     groups: dict[str, Annotated[tuple[str, ...], Field(min_length=1)]] = Field(default_factory=dict)
     """Name of a group -> its links and further groups."""
     inputs: Inputs = Inputs()
+    """Output registers of the robot program that the service reads."""
     actions: dict[str, Action] = Field(default_factory=dict)
     """Name -> action."""
     rules: Annotated[tuple[Rule, ...], Field(min_length=1)]
+    """The rules."""
     expected: tuple[ExpectedContact, ...] = ()
+    """Contacts that the robot program may announce."""
 
     @field_validator("groups")
     @classmethod

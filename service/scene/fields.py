@@ -70,7 +70,7 @@ def _describe(name: str, info: FieldInfo) -> FieldDescription:
     choices = _choices(info.annotation)
     if any(f"`{choice}`" not in meaning for choice in choices):
         meaning += f" One of {', '.join(f'`{choice}`' for choice in choices)}."
-    return FieldDescription(name, units, _default(info), meaning)
+    return FieldDescription(info.alias or name, units, _default(info), meaning)
 
 
 def _choices(annotation: Any) -> tuple[str, ...]:
@@ -83,7 +83,7 @@ def _choices(annotation: Any) -> tuple[str, ...]:
 def _default(info: FieldInfo) -> str:
     if info.is_required():
         return "required"
-    default = info.default
+    default = info.get_default(call_default_factory=True)
     if isinstance(default, BaseModel):
         default = default.model_dump(mode="json", exclude_defaults=True)
     return yaml_flow(list(default) if isinstance(default, tuple) else default)

@@ -6,7 +6,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import ConfigDict, Field
+
+from contactsense.robots.file_model import FileModel
 
 Port = Annotated[int, Field(ge=1, le=65535)]
 
@@ -15,10 +17,10 @@ class ActionError(RuntimeError):
     """An action failed; the message states what was expected and what was received."""
 
 
-class ActionSettings(BaseModel, ABC):
+class ActionSettings(FileModel, ABC):
     """Settings of one action. Actions with `perform` run in the executor's process."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(use_attribute_docstrings=True)
 
     @abstractmethod
     def describe(self) -> str:

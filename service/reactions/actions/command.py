@@ -17,6 +17,7 @@ class CommandAction(ExecutedAction):
     """A program and its arguments; no shell."""
 
     type: Literal["command"]
+    """Kind of the action."""
     command: Annotated[tuple[str, ...], Field(min_length=1)]
     """The program and its arguments; a path of the program is relative to the folder of the rules."""
     timeout: Annotated[float, Field(gt=0.0, le=3600.0)] = 10.0

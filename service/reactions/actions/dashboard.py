@@ -17,10 +17,13 @@ class DashboardAction(ExecutedAction):
     """`pause` or `stop` the program, or show a `popup`; the first two need remote control."""
 
     type: Literal["dashboard"]
+    """Kind of the action."""
     command: Literal["pause", "stop", "popup"]
+    """What to do."""
     text: Annotated[str, Field(max_length=200, pattern=r"^[^\r\n]*$")] = "{rule}: {force} N on {link}"
     """Text of the popup; {rule}, {level}, {link} and {force} are replaced by their values."""
     port: Port = 29999
+    """Port of the dashboard server."""
 
     @field_validator("text")
     @classmethod

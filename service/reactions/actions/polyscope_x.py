@@ -14,8 +14,11 @@ class PolyscopeXAction(ExecutedAction):
     """`pause` or `stop` the program; from 10.14 inbound port 80 must be opened in the robot's settings."""
 
     type: Literal["polyscope_x"]
+    """Kind of the action."""
     action: Literal["pause", "stop"] = "pause"
+    """What to do with the program."""
     port: Port = 80
+    """Port of the REST interface."""
 
     def perform(self, decision: dict[str, Any], host: str) -> str:
         """Send the request; see `ExecutedAction.perform`."""

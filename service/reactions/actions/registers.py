@@ -1,15 +1,32 @@
 """Inform the robot program through RTDE input registers, with a heartbeat for a watchdog in the program."""
 
-from typing import Annotated, Literal, Self
+from collections.abc import Callable
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from contactsense.service.reactions.actions.base import ActionSettings
 from contactsense.service.reactions.decision import Decision
 from contactsense.service.wire.recipe import Number
 
-Register = Annotated[int, Field(ge=0, le=47)]
-Bit = Annotated[int, Field(ge=64, le=127)]
+
+def _number_in(prefix: str) -> Callable[[Any], Any]:
+    """Accept the name of an RTDE field in place of the register's number, as it is in other programs."""
+
+    def number(value: Any) -> Any:
+        if not isinstance(value, str):
+            return value
+        digits = value.removeprefix(prefix)
+        if not (digits.isascii() and digits.isdigit()):
+            raise ValueError(f"expected the number N of a register {prefix}N, or this name, got {value!r}")
+        return int(digits)
+
+    return number
+
+
+IntRegister = Annotated[int, Field(ge=0, le=47), BeforeValidator(_number_in("input_int_register_"))]
+DoubleRegister = Annotated[int, Field(ge=0, le=47), BeforeValidator(_number_in("input_double_register_"))]
+Bit = Annotated[int, Field(ge=64, le=127), BeforeValidator(_number_in("input_bit_register_"))]
 LEVELS = {"contact": 1, "collision": 2}
 
 
@@ -18,16 +35,17 @@ class RegistersAction(ActionSettings):
     sample while a level is active, and at least once per `period` as a heartbeat."""
 
     type: Literal["registers"]
-    code: Register = 47
+    """Kind of the action."""
+    code: IntRegister = 47
     """Integer register: level + 10 (link index + 1); level 0: none, 1: contact, 2: collision. If the link is
     unknown, 1 or 2."""
-    force: Register | None = 47
-    """Double register: force [N]."""
-    link: Register | None = None
+    force: DoubleRegister | None = 47
+    """Double register: force [N]; None, here and below: not written."""
+    link: IntRegister | None = None
     """Integer register: link index (base: 0); -1 if there is none."""
-    point: tuple[Register, Register, Register] | None = None
+    point: tuple[DoubleRegister, DoubleRegister, DoubleRegister] | None = None
     """Double registers: contact centroid, base frame [m]."""
-    time: Register | None = None
+    time: DoubleRegister | None = None
     """Double register: time of the sample on the robot's clock [s]."""
     heartbeat: Bit | None = 64
     """Bit that changes with every write."""

@@ -17,6 +17,7 @@ class SpeedSliderAction(ActionSettings):
     """Sets a fraction of the programmed speed; never 0, because leaving 0 causes a protective stop."""
 
     type: Literal["speed_slider"]
+    """Kind of the action."""
     fraction: Annotated[float, Field(ge=0.01, le=1.0)]
     """Fraction while the level is active."""
     restore: Annotated[float, Field(ge=0.01, le=1.0)] | None = None

@@ -13,12 +13,13 @@ class StopProgramAction(ExecutedAction):
     """Sends `stopj` as a `def` program to one of the controller's client interfaces; needs remote control."""
 
     type: Literal["stop_program"]
+    """Kind of the action."""
     deceleration: Annotated[float, Field(gt=0.0, le=100.0)] = 8.0
     """Deceleration of the fastest joint [rad/s^2]."""
     interface: Literal["primary", "secondary", "realtime"] = "secondary"
     """Client interface to which the program is sent."""
     port: Annotated[int, Field(ge=1, le=65535)] | None = None
-    """Port, if it differs from the interface's usual one."""
+    """Port; None: 30001, 30002 or 30003, that of the interface."""
 
     @property
     def script(self) -> str:

@@ -21,6 +21,7 @@ class UrRtdeStopAction(ExecutedAction):
     needed."""
 
     type: Literal["ur_rtde_stop"]
+    """Kind of the action."""
     deceleration: Annotated[float, Field(gt=0.0, le=100.0)] = 8.0
     """Deceleration [rad/s^2]."""
     frequency: Annotated[float, Field(gt=0.0, le=500.0)] = 500.0

@@ -17,9 +17,12 @@ class WebhookAction(ActionSettings):
     """Where to post. A failed delivery is stored in the journal and retried for a day."""
 
     type: Literal["webhook"]
+    """Kind of the action."""
     url: Annotated[str, Field(pattern=r"^https?://[^\s/]+\S*$")]
+    """Address to post to."""
     secret: str | None = None
-    """Signing secret: `whsec_` followed by 24 to 64 bytes in base64."""
+    """Signing secret: `whsec_` followed by 24 to 64 bytes in base64. Exactly one of it and `secret_file`
+    is needed."""
     secret_file: Path | None = None
     """File that contains the secret, instead of `secret`; relative to the folder of the rules."""
     timeout: Annotated[float, Field(gt=0.0, le=60.0)] = 20.0
