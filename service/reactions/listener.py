@@ -69,10 +69,9 @@ class ReactionListener:
         decisions = self._engine.step(sample, estimate)
         if decisions:
             self._select()
-        shown = None if self._registers is None else self._registers.shown
-        if self._registers is not None and shown is not None:
-            self._registers.shown = self._engine.updated(shown, estimate)
-        if decisions or shown is not None:
+        if self._registers is not None:
+            self._registers.follow(self._engine, estimate)
+        if decisions or (self._registers is not None and self._registers.shown is not None):
             self._carry_out(decisions, self._write())
         if self._slider is not None:
             self._tell_of_slider(self._slider.watch(estimate, self._lowers_slider))

@@ -4,7 +4,9 @@ from collections.abc import Sequence
 
 from contactsense.service.reactions.actions.registers import RegistersAction
 from contactsense.service.reactions.decision import Decision
+from contactsense.service.reactions.engine import Engine
 from contactsense.service.reactions.rtde_inputs import RtdeInputs
+from contactsense.types import Estimate
 
 RECIPE = "registers"
 """Name of the recipe of RTDE inputs."""
@@ -22,7 +24,9 @@ class RegisterOutput:
     def __init__(self, action: RegistersAction, name: str, inputs: RtdeInputs | None) -> None:
         self._action, self._name, self._inputs = action, name, inputs
         self.shown: Decision | None = None
-        """The decision that began the level, with the present force and point; None: no level is active."""
+        """The decision that began the level, with the present force and point while its contact lasts; None:
+        no level is active."""
+        self._chosen: Decision | None = None  # the same, as it was when the level began
         self.latches_known = False
         """Whether the collisions latched by an earlier process are known; nothing is written before."""
         self._beat = False
@@ -36,7 +40,18 @@ class RegisterOutput:
     def select(self, active: Sequence[Decision]) -> None:
         """Choose among the active levels."""
         shown = [decision for decision in active if self._name in decision.actions]
-        self.shown = max(shown, key=lambda each: (each.level == "collision", each.t), default=None)
+        chosen = max(shown, key=lambda each: (each.level == "collision", each.t), default=None)
+        if chosen != self._chosen:
+            self._chosen = self.shown = chosen
+
+    def follow(self, engine: Engine, estimate: Estimate) -> None:
+        """Show force and place as estimated now; of a contact that has ended, those with which the level
+        began."""
+        if self._chosen is None or self.shown is None:
+            return
+        # A degraded estimate may lack a contact that lasts.
+        ended = estimate.status != "degraded" and all(c.id != self._chosen.contact for c in estimate.contacts)
+        self.shown = self._chosen if ended else engine.updated(self.shown, estimate)
 
     def is_due(self, now: float) -> bool:
         """Whether the heartbeat is due. `now` is the host's monotonic clock [s]."""

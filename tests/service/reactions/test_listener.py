@@ -51,6 +51,32 @@ def test_a_contact_a_collision_and_an_acknowledgement(play: Play) -> None:
     assert any(r.get("answer") == "7" and not r["active"] for r in play.reports)
 
 
+def test_what_the_registers_show_of_a_latched_collision(play: Play) -> None:
+    """The present force while the contact lasts, then the one with which the level began; not the peak."""
+
+    def shows(newtons: float) -> None:
+        play.until(lambda: play.inputs.get("input_double_register_47") == (pytest.approx(newtons),))
+        assert play.code() == 42
+
+    play.step(estimate(0.0, contact(newtons=60.0)))
+    play.until(lambda: play.code() == 42)
+    for n, newtons in enumerate((90.0, 30.0, 8.0)):  # the contact level ends below 12 N
+        play.step(estimate(0.1 + 0.1 * n, contact(newtons=newtons)))
+        shows(newtons)
+    play.step(estimate(0.4, status="degraded"))
+    shows(8.0)
+    play.step(estimate(0.5))
+    shows(60.0)
+    # A further contact, on another link of the rule: its contact level begins, the collision is latched.
+    begun = len(play.events("action"))
+    play.step(estimate(0.6, contact("upper_arm", newtons=99.0, id=2)))
+    shows(60.0)
+    assert len(play.events("collision")) == 1
+    assert {event["action"] for event in play.events("action")[begun:]} == {"tell", "slow"}
+    play.listener.acknowledge(None, "a test")
+    play.until(lambda: play.code() == 31)  # its contact level
+
+
 def test_the_arm_stays_slow_until_the_last_level_ends() -> None:
     level = {"force": 15.0, "actions": ["slow"]}
     upper = {"name": "upper", "links": ["upper_arm"], "contact": level}
