@@ -3,7 +3,7 @@
 import ipaddress
 
 from contactsense.service.api.access import AccessRules
-from contactsense.service.api.settings import Settings, SettingsError
+from contactsense.service.api.settings import OptionsError, Settings, SettingsError
 from contactsense.service.api.token_file import TokenError, read_token
 
 
@@ -38,19 +38,19 @@ def check_exposure(settings: Settings) -> None:
     TLS.
 
     Raises:
-        SettingsError: The token or TLS is missing; the message states which.
+        OptionsError: The token or TLS is missing; the message states which.
     """
     if (settings.tls_certificate is None) != (settings.tls_key is None):
-        raise SettingsError("expected both --tls-certificate and --tls-key, or neither, got one")
+        raise OptionsError("expected both --tls-certificate and --tls-key, or neither, got one")
     if is_loopback(settings.host):
         return
     if access_rules(settings).token is None:
-        raise SettingsError(
+        raise OptionsError(
             f"--host {settings.host} is reached by other computers: expected a token (CONTACTSENSE_TOKEN or "
             "--token-file), got none"
         )
     if settings.tls_certificate is None and not settings.insecure_no_tls:
-        raise SettingsError(
+        raise OptionsError(
             f"--host {settings.host} is reached by other computers: expected --tls-certificate and "
             "--tls-key, or --insecure-no-tls for a network that you trust, got neither"
         )

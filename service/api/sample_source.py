@@ -4,7 +4,7 @@ from collections.abc import Callable
 from functools import partial
 
 from contactsense.scene import Scene
-from contactsense.service.api.settings import Settings, SettingsError
+from contactsense.service.api.settings import OptionsError, Settings, SettingsError
 from contactsense.service.api.variables import PREFIX
 from contactsense.service.controllers.push_source import PushSource
 from contactsense.service.reactions.rules import ReactionRules
@@ -49,14 +49,14 @@ def reader_settings(settings: Settings, scene: Scene) -> SourceSettings | None:
     if settings.controllers.source == "push":
         readers = [name for name in readers if name not in _REACTIONS_TOO]
         if readers:
-            raise SettingsError(
+            raise OptionsError(
                 f"{_option(readers[0])} is for samples that are read from the robot: expected it without "
                 "--source push, where the controller sends them"
             )
         return None
     if settings.robot_host is None:
         if readers:
-            raise SettingsError(
+            raise OptionsError(
                 f"{_option(readers[0])} is read together with the robot: expected --robot-host too, got none"
             )
         return None
@@ -67,7 +67,7 @@ def reader_settings(settings: Settings, scene: Scene) -> SourceSettings | None:
             "itself: --source push"
         )
     if scene.base_wrench is not None and (settings.ft_host is None) == (settings.ft_fields is None):
-        raise SettingsError(
+        raise OptionsError(
             "the scene has a force/torque sensor under the base: expected either its address "
             "(--ft-host) or six RTDE fields (--ft-fields), got "
             f"{'both' if settings.ft_host else 'neither'}; set base_wrench: null in the scene to run without "
@@ -108,7 +108,7 @@ def check_robot_address(settings: Settings, rules: ReactionRules | None) -> None
         rules: The rules; None if there are none.
 
     Raises:
-        SettingsError: It is without effect.
+        OptionsError: It is without effect.
     """
     given = [name for name in _REACTIONS_TOO if name in settings.model_fields_set]
     if settings.controllers.source != "push" or not given:
@@ -121,7 +121,7 @@ def check_robot_address(settings: Settings, rules: ReactionRules | None) -> None
         why = "there is no --robot-host"
     else:
         return
-    raise SettingsError(
+    raise OptionsError(
         f"{_option(given[0])} is for reactions only with --source push, where the controller sends the "
         f"samples: expected none, as {why}"
     )

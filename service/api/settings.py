@@ -36,6 +36,10 @@ class SettingsError(ValueError):
     """A setting cannot be used; the message names it, what was expected and what was given."""
 
 
+class OptionsError(SettingsError):
+    """The settings themselves are wrong, or do not go together, whatever is in the files that they name."""
+
+
 def _split(value: Any) -> Any:
     return tuple(part.strip() for part in value.split(",")) if isinstance(value, str) else value
 
@@ -181,7 +185,10 @@ class Settings(BaseModel):
             SettingsError: A value cannot be used.
         """
         given, spelled = read_variables(environment, cls.model_fields)
-        return cls.checked(given, "environment", spelled)
+        try:
+            return cls.checked(given, "environment", spelled)
+        except OptionsError as error:
+            raise SettingsError(str(error)) from None
 
     @classmethod
     def checked(
@@ -198,9 +205,9 @@ class Settings(BaseModel):
             spelled: How the user writes a setting.
 
         Raises:
-            SettingsError: A value cannot be used.
+            OptionsError: A value cannot be used.
         """
         try:
             return cls.model_validate(dict(values))
         except ValidationError as error:
-            raise SettingsError(f"{name}: {describe(error, cls, spelled)}") from None
+            raise OptionsError(f"{name}: {describe(error, cls, spelled)}") from None

@@ -5,9 +5,17 @@ from collections.abc import Callable, Iterable
 import click
 
 from contactsense.robots.field_errors import Place, joined
+from contactsense.service.api.settings import OptionsError
 
 Grouped = Iterable[tuple[str, str, str]]
 """Options that are fields of a group of settings: option, group, field."""
+
+
+def refusal(error: Exception) -> click.ClickException:
+    """What ends a command with one line: with status 2 if its options are wrong, and 1 if what they name
+    cannot be used."""
+    kind = click.UsageError if isinstance(error, OptionsError) else click.ClickException
+    return kind(str(error))
 
 
 def as_options(grouped: Grouped = ()) -> Callable[[Place], str]:

@@ -15,10 +15,10 @@ from contactsense.scene import Scene, SceneError
 from contactsense.scene_model.sensor_delays import without_delays
 from contactsense.service.api.sample_source import reader_settings
 from contactsense.service.api.scene_file import load_scene
-from contactsense.service.api.settings import Settings, SettingsError
+from contactsense.service.api.settings import OptionsError, Settings, SettingsError
 from contactsense.service.api.token_file import TokenError, read_token
 from contactsense.service.cli.finite_range import FiniteRange
-from contactsense.service.cli.option_names import as_options
+from contactsense.service.cli.option_names import as_options, refusal
 from contactsense.service.cli.output_file import check_writable
 from contactsense.service.cli.record_by_service import record_by_service
 from contactsense.service.cli.sensor_options import from_environment, sensor_options
@@ -105,7 +105,7 @@ def record(
         scene = load_scene(settings)
         reader = reader_settings(settings, scene)
         if reader is None:
-            raise SettingsError("record: expected --robot-host, the address of a robot, got none")
+            raise OptionsError("record: expected --robot-host, the address of a robot, got none")
         extra = tuple(name.strip() for name in fields.split(",") if name.strip())
         rotation = Rotation(rotate_seconds, rotate_mb, disk_limit_mb)
         recorder = Recorder(out, scene, rotation, rate=settings.robot_rate)
@@ -117,7 +117,7 @@ def record(
     except (
         SettingsError, SensorError, RecordingError, MappingError, SceneError, LiveError, TokenError,
     ) as error:  # fmt: skip
-        raise click.ClickException(str(error)) from None
+        raise refusal(error) from None
 
 
 def _refuse_others(mode: str, allowed: set[str]) -> None:

@@ -25,7 +25,7 @@ from contactsense.service.api.exposure import check_exposure
 from contactsense.service.api.sample_source import unused
 from contactsense.service.api.settings import Settings, SettingsError
 from contactsense.service.api.variables import GROUPED, empty_token, misspelled
-from contactsense.service.cli.option_names import as_options
+from contactsense.service.cli.option_names import as_options, refusal
 from contactsense.service.cli.sensor_options import sensor_options
 from contactsense.service.free_ports import PortError, reason
 from contactsense.service.live.scheduling import prefer_low_latency, prioritize
@@ -134,7 +134,7 @@ def serve(**options: Any) -> int:
         for line in (*unused(settings, scene), *own):
             log.warning("%s", line)
     except SettingsError as error:
-        raise click.ClickException(str(error)) from None
+        raise refusal(error) from None
     except OSError as error:
         raise click.ClickException(f"--log-file: {settings.log_file}: {error.strerror}") from None
     try:

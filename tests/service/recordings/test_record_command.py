@@ -105,7 +105,7 @@ def test_sensors_without_an_option_are_those_of_the_environment(tmp_path: Path) 
 
 def test_without_an_address_it_says_what_is_missing(tmp_path: Path) -> None:
     result = CliRunner().invoke(record, ["--out", str(tmp_path)])
-    assert result.exit_code == 1
+    assert result.exit_code == 2
     assert "expected --robot-host" in result.output
 
 
