@@ -6,7 +6,7 @@ import logging
 import signal
 import threading
 import time
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from importlib.metadata import version
 from typing import Annotated, Any
@@ -182,8 +182,8 @@ class Service:
             found.append(self.webhooks.error)
         return found
 
-    def _note_webhook(self, name: str, ok: bool, reason: str, t: float) -> None:
-        event = self.reactions.note_webhook(name, ok, reason, t)
+    def _note_webhook(self, name: str, ok: bool, reason: str, decision: Mapping[str, Any]) -> None:
+        event = self.reactions.note_webhook(name, ok, reason, decision)
         self.record(event.model_copy(update={"time": utc_now()}))
 
     def record(self, event: ContactEvent) -> None:

@@ -34,7 +34,11 @@ class ContactEvent(BaseModel):
         None, description="Time on the robot's clock [s]; null where no sample has arrived yet."
     )
     time: str = Field("", description="Time on the host's clock, ISO 8601 in UTC.")
-    link: str = Field("", description="The most probable link; of the whole contact where it has ended.")
+    link: str = Field(
+        "",
+        description="The most probable link; of the whole contact where it has ended. Of kind "
+        "action: that of the decision that started it.",
+    )
     body: str = Field(
         "",
         description="The scene's body that most samples of the contact name; empty where there is none.",
@@ -68,6 +72,10 @@ class ContactEvent(BaseModel):
     )
     torsion: float = Field(0.0, description="Moment on the robot about the outward normal [Nm].")
     mass: float = Field(0.0, description="Change of the carried mass [kg]; of kind weight.")
-    rule: str = Field("", description="Name of the rule, of kinds collision, acknowledged and action.")
+    rule: str = Field(
+        "",
+        description="Name of the rule, of kinds collision, acknowledged and action; empty "
+        "where no rule started the action, as where its connection is lost.",
+    )
     action: str = Field("", description="Name of the action, of kind action.")
     reason: str = Field("", description="What there is to say about it: one sentence for a person.")

@@ -2,11 +2,19 @@
 
 import math
 from dataclasses import asdict, dataclass, replace
-from typing import Any, Literal, Self
+from typing import Any, Literal, NamedTuple, Self
 
 from contactsense.types import Contact
 
 LevelName = Literal["contact", "collision"]
+
+
+class Origin(NamedTuple):
+    """Why an action was started: what its events tell of the decision."""
+
+    rule: str = ""
+    """Empty: no rule did, as where it is prepared or its connection is lost."""
+    link: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +45,11 @@ class Decision:
     """Force on the robot, base axes [N]."""
     force: float = 0.0
     """Magnitude of the force [N]."""
+
+    @property
+    def origin(self) -> Origin:
+        """What events of its actions tell of it."""
+        return Origin(self.rule, self.link)
 
     def with_contact(self, contact: Contact) -> Self:
         """Return the decision with link, place and force of this explanation."""

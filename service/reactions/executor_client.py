@@ -7,10 +7,12 @@ import subprocess
 import sys
 import time
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from contactsense.service.reactions.actions.base import ExecutedAction
 from contactsense.service.reactions.actions.child_group import kill_group
+from contactsense.service.reactions.decision import Origin
 
 MODULE = "contactsense.service.reactions.executor"
 RESTART = 1.0
@@ -20,6 +22,15 @@ _GRACE = 1.0
 _END = 1.0
 """Time that the executor has to end what its actions have started, before it is killed [s]."""
 _MAX_LINE = 1 << 16
+
+
+@dataclass(slots=True)
+class _Begun:
+    """A decision that an action was given and has not reported yet."""
+
+    since: float
+    """When it began, or when the one before it was done [s]."""
+    origin: Origin
 
 
 class ExecutorClient:
@@ -40,7 +51,7 @@ class ExecutorClient:
         self._process: subprocess.Popen[bytes] | None = None
         self._started = -RESTART
         self._rest = b""
-        self._begun: dict[str, list[float]] = {name: [] for name in actions}
+        self._begun: dict[str, list[_Begun]] = {name: [] for name in actions}
         self._hung: set[str] = set()
         self._groups: dict[str, int] = {}  # of programs that run: nothing else ends them if the executor dies
         if actions:
@@ -65,12 +76,12 @@ class ExecutorClient:
         if written != len(task):
             self._end()  # a partial line: the executor could not parse what follows
             return "the executor's process does not take it"
-        self._begun[action].append(now)
+        self._begun[action].append(_Begun(now, Origin(decision.get("rule", ""), decision.get("link", ""))))
         return ""
 
     def poll(self, now: float) -> list[dict[str, Any]]:
         """Return the results that have arrived: `action`, `ok`, `reason`, `took` [s], of a decision or of the
-        action's preparation."""
+        action's preparation; `origin`, an `Origin`."""
         if not self._actions:
             return []
         results: list[dict[str, Any]] = []
@@ -85,7 +96,7 @@ class ExecutorClient:
             chunk = None
         if chunk == b"":
             results += [
-                {"action": name, "ok": False, "reason": "the executor's process died", "took": now - begun[0]}
+                self._lost(name, "the executor's process died", now)
                 for name, begun in self._begun.items()
                 if begun
             ]
@@ -110,23 +121,33 @@ class ExecutorClient:
         return results
 
     def _take(self, result: dict[str, Any], now: float) -> None:
-        """Note which decision needs no more waiting, see `contactsense.service.reactions.executor.Task`."""
+        """Note which decision needs no more waiting, see `contactsense.service.reactions.executor.Task`, and
+        whose result this is."""
         begun = self._begun[result["action"]]
+        result["origin"] = Origin()
         if begun and result["task"] != "none":
-            begun.pop(0 if result["task"] == "oldest" else -1)
+            result["origin"] = begun.pop(0 if result["task"] == "oldest" else -1).origin
         if result["task"] == "oldest":
             self._hung.discard(result["action"])
-            begun[:1] = [now] * len(begun[:1])  # the next one has waited for it
+            for waited in begun[:1]:
+                waited.since = now
 
     def _overdue(self, now: float) -> list[dict[str, Any]]:
         found = []
         for name, begun in self._begun.items():
             limit = self._actions[name].timeout + _GRACE
-            if begun and name not in self._hung and now - begun[0] > limit:
+            if begun and name not in self._hung and now - begun[0].since > limit:
                 self._hung.add(name)
-                reason = f"hangs: no result after {limit:g} s"
-                found.append({"action": name, "ok": False, "reason": reason, "took": now - begun[0]})
+                found.append(self._lost(name, f"hangs: no result after {limit:g} s", now))
         return found
+
+    def _lost(self, name: str, reason: str, now: float) -> dict[str, Any]:
+        """The result of an action that has reported none."""
+        oldest = self._begun[name][0]
+        return {
+            "action": name, "ok": False, "reason": reason, "took": now - oldest.since,
+            "origin": oldest.origin,
+        }  # fmt: skip
 
     def _start(self, now: float) -> None:
         self._started = now

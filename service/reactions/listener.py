@@ -97,7 +97,8 @@ class ReactionListener:
             if self._registers is not None and self._registers.is_due(now):
                 self._write()
         for result in self._executor.poll(now):
-            self._reports.result(result["action"], result["ok"], result["reason"], result["took"])
+            took, origin = result["took"], result["origin"]
+            self._reports.result(result["action"], result["ok"], result["reason"], took, origin)
         if now - self._last_report >= _REPORT_EVERY or self._lowered != self._reported_lowered:
             self._report_state()
 
@@ -195,22 +196,22 @@ class ReactionListener:
     def _act(self, name: str, decision: Decision, begins: bool, written: bool) -> None:
         action = self._rules.actions[name]
         if isinstance(action, SpeedSliderAction):
-            self._move_slider(begins)
+            self._move_slider(begins, decision)
             return
         if not begins:
             return
         self._reports.started(name)
         if self._registers is not None and isinstance(action, RegistersAction):
             problem = self._reports.health[name].error or self._registers.problem
-            self._reports.result(name, written, "" if written else problem)
+            self._reports.result(name, written, "" if written else problem, origin=decision.origin)
         elif isinstance(action, WebhookAction):
             self._reports.webhook(name, decision)
         else:
             problem = self._executor.start(name, decision.as_dict(), self._now)
             if problem:
-                self._reports.result(name, False, problem)
+                self._reports.result(name, False, problem, origin=decision.origin)
 
-    def _move_slider(self, begins: bool) -> None:
+    def _move_slider(self, begins: bool, decision: Decision) -> None:
         # While another level wants the arm to be slow, the end of this one changes nothing.
         if self._slider is None or (not begins and self._lowers_slider):
             return
@@ -223,9 +224,11 @@ class ReactionListener:
         self._reports.started(name)
         written = self._slider.write()
         if written is None:
-            self._reports.result(name, False, self._reports.health[name].error or "not connected")
+            self._reports.result(
+                name, False, self._reports.health[name].error or "not connected", origin=decision.origin
+            )
         else:
-            self._reports.result(name, True, f"set to {as_percent(written)}")
+            self._reports.result(name, True, f"set to {as_percent(written)}", origin=decision.origin)
 
     def _tell_of_slider(self, words: str) -> None:
         if words:

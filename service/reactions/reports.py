@@ -7,8 +7,11 @@ from typing import Any
 from contactsense.service.events.model import ContactEvent
 from contactsense.service.live.listener import REPORTS
 from contactsense.service.reactions.actions import Action
-from contactsense.service.reactions.decision import Decision
+from contactsense.service.reactions.decision import Decision, Origin
 from contactsense.service.reactions.health import ActionHealth
+
+NO_RULE = Origin()
+"""Of what no decision has started."""
 
 
 class Reports:
@@ -54,15 +57,21 @@ class Reports:
         """The window of an expected contact has been opened or closed."""
         self._event(ContactEvent(kind="expected", t=self.t, reason=reason))
 
-    def action(self, name: str, reason: str) -> None:
+    def action(self, name: str, reason: str, origin: Origin = NO_RULE) -> None:
         """Something happened to an action."""
-        self._event(ContactEvent(kind="action", t=self.t, action=name, reason=reason))
+        self._event(
+            ContactEvent(
+                kind="action", t=self.t, action=name, reason=reason, rule=origin.rule, link=origin.link
+            )
+        )
 
     def started(self, name: str) -> None:
         """An action is started."""
         self.health[name].started += 1
 
-    def result(self, name: str, ok: bool, reason: str, took: float | None = None) -> None:
+    def result(
+        self, name: str, ok: bool, reason: str, took: float | None = None, origin: Origin = NO_RULE
+    ) -> None:
         """An action has been carried out or has failed.
 
         Args:
@@ -70,12 +79,14 @@ class Reports:
             ok: Whether it was carried out.
             reason: What was done, or why it failed; empty: nothing more is known.
             took: Time that it took [s].
+            origin: Of the decision that started it.
         """
         health = self.health[name]
         health.state, health.took = ("ok" if ok else "failing"), took
         health.error = "" if ok else reason
         health.failed += not ok
-        self.action(name, ("done: " if reason else "done") + reason if ok else f"failed: {reason}")
+        words = ("done: " if reason else "done") + reason if ok else f"failed: {reason}"
+        self.action(name, words, origin)
 
     def connection(self, name: str, error: str, usable: bool) -> bool:
         """The state of the connection that an action uses.

@@ -4,7 +4,7 @@ import asyncio
 import contextlib
 import itertools
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -219,17 +219,17 @@ class Reactions:
         if self.on_lowered is not None:
             self.on_lowered(fraction)
 
-    def note_webhook(self, name: str, ok: bool, reason: str, t: float) -> ContactEvent:
-        """Record the result of a delivery; returns the event that reports it.
-
-        `t`: time of the sample whose decision is delivered, on the robot's clock [s].
-        """
+    def note_webhook(self, name: str, ok: bool, reason: str, decision: Mapping[str, Any]) -> ContactEvent:
+        """Record the result of the delivery of a decision; returns the event that reports it."""
         health = self._webhook_health.setdefault(name, ActionHealth(type="webhook"))
         health.started += 1
         health.failed += not ok
         health.state, health.error = ("ok", "") if ok else ("failing", reason)
         words = f"{'done' if ok else 'failed'}: {reason}"
-        return ContactEvent(kind="action", t=t, action=name, reason=words)
+        return ContactEvent(
+            kind="action", t=float(decision["t"]), action=name, reason=words, rule=decision["rule"],
+            link=decision["link"],
+        )  # fmt: skip
 
     def acknowledge(self, rule: str | None = None, by: str = "the service") -> bool:
         """Clear the latched collisions of all rules or of one; returns False if no pipeline runs."""

@@ -44,8 +44,8 @@ class WebhookDelivery:
     Args:
         journal: The journal with the outbox.
         webhooks: Name -> webhook.
-        on_result: Called with the name, whether an attempt succeeded, what to report, and the time of the
-            decision's sample on the robot's clock [s].
+        on_result: Called with the name, whether an attempt succeeded, what to report, and the decision in the
+            form of `Decision.as_dict`.
         delays: See `DELAYS`.
     """
 
@@ -53,7 +53,7 @@ class WebhookDelivery:
         self,
         journal: Journal,
         webhooks: Mapping[str, WebhookAction],
-        on_result: Callable[[str, bool, str, float], None],
+        on_result: Callable[[str, bool, str, Mapping[str, Any]], None],
         delays: Sequence[float] = DELAYS,
     ) -> None:
         self._journal, self._webhooks, self._on_result = journal, dict(webhooks), on_result
@@ -104,7 +104,7 @@ class WebhookDelivery:
                 )
         except sqlite3.Error as error:  # such as a full disk
             reason = f"lost, as the journal cannot be written: {error}"
-            self._on_result(name, False, reason, float(decision["t"]))
+            self._on_result(name, False, reason, decision)
             return
         if name in self._news:  # a reload may have removed it
             self._news[name].set()
@@ -130,8 +130,8 @@ class WebhookDelivery:
             # Where the journal cannot be written, as on a full disk, the delivery must not be repeated.
             while not self._settle(name, number, attempts + 1, ok, status):
                 await asyncio.sleep(_POLL)
-            t = float(json.loads(body)["data"]["t"])
-            self._on_result(name, ok, self._words(reason, ok, status, attempts + 1), t)
+            decision = json.loads(body)["data"]
+            self._on_result(name, ok, self._words(reason, ok, status, attempts + 1), decision)
 
     def _next(self, name: str) -> tuple[int, str, str, int] | None:
         with self._journal.lock:

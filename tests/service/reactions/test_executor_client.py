@@ -19,7 +19,7 @@ from contactsense.service.reactions.executor_client import ExecutorClient
 from tests.service.loopback import until
 
 HOST = "127.0.0.1"
-TOLD = {"rule": "arm", "level": "collision"}
+TOLD = {"rule": "arm", "level": "collision", "link": "forearm"}
 POPEN = "contactsense.service.reactions.executor_client.subprocess.Popen"
 
 
@@ -73,6 +73,7 @@ def test_an_executor_that_dies_is_told_and_started_again() -> None:
         os.kill(pid, 9)
         (result,) = results_of(client, 1)
         assert (result["ok"], result["reason"]) == (False, "the executor's process died")
+        assert result["origin"] == ("arm", "forearm")
 
         def again() -> bool:
             client.poll(time.monotonic())
@@ -235,9 +236,22 @@ def test_what_is_reported_of_another_decision_ends_no_waiting(
     assert [result["task"] for result in client.poll(1.95)] == [task]
     (late,) = client.poll(2.1)
     assert late["reason"] == "hangs: no result after 2 s"
+    assert late["origin"] == ("arm", "forearm")
     assert late["took"] == pytest.approx(2.1)
     process.report(task, False)
     assert len(client.poll(2.2)) == 1  # it is not reported twice
+
+
+def test_a_result_has_the_rule_and_the_link_of_its_decision(
+    scripted: tuple[ExecutorClient, ScriptedExecutor],
+) -> None:
+    client, process = scripted
+    for link in ("forearm", "wrist_1", "wrist_2"):
+        client.start("a", {**TOLD, "link": link}, 0.0)
+    for task in ("none", "newest", "oldest", "oldest"):
+        process.report(task)
+    links = [result["origin"].link for result in client.poll(0.1)]
+    assert links == ["", "wrist_2", "forearm", "wrist_1"]
 
 
 def test_a_decision_that_has_waited_for_another_does_not_hang(

@@ -43,6 +43,8 @@ def test_a_contact_a_collision_and_an_acknowledgement(play: Play) -> None:
     slider = [event for event in play.events("action") if event["action"] == "slow"]
     assert [event["reason"] for event in slider] == ["done: set to 10 %", "done: set to 100 %"]
     assert [event["t"] for event in slider] == [0.0, 0.2]
+    by_rule = {(event["action"], event["rule"], event["link"]) for event in play.events("action")}
+    assert by_rule == {("slow", "arm", "forearm"), ("tell", "arm", "forearm")}
     (collision,) = play.events("collision")
     assert (collision["rule"], collision["link"], collision["contact"]) == ("arm", "forearm", 1)
     play.listener.command({"type": "acknowledge", "rule": None, "by": "a test", "id": "7"})

@@ -62,8 +62,10 @@ def test_a_new_process_is_told_that_the_one_before_has_lowered_the_slider() -> N
 
 
 def test_the_event_of_a_delivery_has_the_time_of_the_sample() -> None:
-    event = Reactions(RULES, None, lambda _: True).note_webhook("hook", True, "answered 200", 3.5)
+    decision = {"t": 3.5, "rule": "old", "link": "forearm"}
+    event = Reactions(RULES, None, lambda _: True).note_webhook("hook", True, "answered 200", decision)
     assert (event.t, event.action, event.reason) == (3.5, "hook", "done: answered 200")
+    assert (event.rule, event.link) == ("old", "forearm")
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ import http.server
 import json
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -76,8 +76,8 @@ def deliver(
     """Run a delivery until `done`; what it told."""
     told: list[tuple[bool, str]] = []
 
-    def tell(_: str, ok: bool, reason: str, t: float) -> None:
-        assert t == DECISION["t"]
+    def tell(_: str, ok: bool, reason: str, decision: Mapping[str, Any]) -> None:
+        assert decision == DECISION
         told.append((ok, reason))
 
     async def scenario() -> None:
@@ -167,7 +167,7 @@ def test_on_a_full_disk_a_webhook_is_told_to_be_lost(tmp_path: Path) -> None:
         (pages,) = journal.database.execute("PRAGMA page_count").fetchone()
         journal.database.execute(f"PRAGMA max_page_count = {pages}")
         delivery = WebhookDelivery(
-            journal, {"hook": hook(1)}, lambda _, ok, reason, t: told.append((ok, reason)), (0.0,)
+            journal, {"hook": hook(1)}, lambda _, ok, reason, decision: told.append((ok, reason)), (0.0,)
         )
         for _ in range(10):
             delivery.enqueue("hook", {**DECISION, "link": "x" * 2000})
@@ -182,7 +182,7 @@ def test_on_a_full_disk_nothing_is_posted_twice(tmp_path: Path) -> None:
         async def scenario() -> None:
             webhooks = {"hook": hook(server.server_port)}
             delivery = WebhookDelivery(
-                journal, webhooks, lambda _, ok, reason, t: told.append(ok), (0.0, 0.0)
+                journal, webhooks, lambda _, ok, reason, decision: told.append(ok), (0.0, 0.0)
             )
             delivery.enqueue("hook", DECISION)
             journal.database.execute("PRAGMA query_only = ON")
@@ -207,7 +207,9 @@ def test_a_journal_that_cannot_be_read_interrupts_deliveries_and_ends_none(tmp_p
 
         async def scenario() -> None:
             webhooks = {"hook": hook(server.server_port)}
-            delivery = WebhookDelivery(journal, webhooks, lambda _, ok, reason, t: told.append(ok), (0.0,))
+            delivery = WebhookDelivery(
+                journal, webhooks, lambda _, ok, reason, decision: told.append(ok), (0.0,)
+            )
             delivery.enqueue("hook", DECISION)
             journal.database.execute("ALTER TABLE disabled RENAME TO away")
             delivery.start()
