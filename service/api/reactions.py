@@ -25,7 +25,9 @@ _NOT_POSSIBLE: Responses = {
 class AcknowledgeIn(RequestBody):
     """Which collisions to acknowledge."""
 
-    rule: str | None = Field(None, description="Name of a rule; null or left out: all of them.")
+    rule: str | None = Field(
+        None, description="Name of a rule with a level `collision`; null or left out: all of them."
+    )
 
 
 class ExpectedIn(RequestBody):
@@ -66,9 +68,10 @@ async def acknowledge(
     """Clear latched collisions. A force that is still above its level latches and starts its actions
     again."""
     rule = None if request is None else request.rule
-    known = [known.name for known in _rules(shared).rules]
-    if rule is not None and rule not in known:
-        raise FieldRefusedError("rule", f"expected one of {', '.join(known)}, got {rule!r}")
+    latching = [known.name for known in _rules(shared).rules if known.collision is not None]
+    if rule is not None and rule not in latching:
+        known = f"one of {', '.join(latching)}" if latching else "none, as no rule has one"
+        raise FieldRefusedError("rule", f"expected a rule with a level `collision`: {known}, got {rule!r}")
     await _carry_out(shared, {"type": "acknowledge", "rule": rule, "by": "POST /v1/reactions/acknowledge"})
     return shared.out(scene)
 

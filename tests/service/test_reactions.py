@@ -190,6 +190,29 @@ def slow_rules(folder: Path) -> Path:
     return folder / "rules.yaml"
 
 
+def test_a_rule_that_cannot_latch_cannot_be_acknowledged(tmp_path: Path) -> None:
+    rules = {
+        "robot": {"host": "192.0.2.1"},
+        "rules": [
+            {"name": "touch", "links": ["any"], "contact": {"force": 20.0}},
+            {"name": "hit", "links": ["any"], "collision": {"force": 20.0}},
+        ],
+    }
+    (tmp_path / "rules.yaml").write_text(yaml.safe_dump(rules))
+    with serving(create_app(Settings.checked({"reactions": {"file": tmp_path / "rules.yaml"}}))) as place:
+        url = f"http://{place}/v1/reactions/acknowledge"
+        refused = http.post(url, json={"rule": "touch"})
+        assert refused.status_code == 422
+        reason = "expected a rule with a level `collision`: one of hit, got 'touch'"
+        assert refused.json() == {"errors": [{"field": "rule", "reason": reason}]}
+        assert http.post(url, json={"rule": "hit"}).status_code == 503  # no pipeline runs
+    rules["rules"] = rules["rules"][:1]
+    (tmp_path / "rules.yaml").write_text(yaml.safe_dump(rules))
+    with serving(create_app(Settings.checked({"reactions": {"file": tmp_path / "rules.yaml"}}))) as place:
+        refused = http.post(f"http://{place}/v1/reactions/acknowledge", json={"rule": "touch"})
+        assert "none, as no rule has one" in refused.text
+
+
 def test_check_says_what_a_slider_needs_to_be_raised_after_a_restart(tmp_path: Path) -> None:
     arguments = ["reactions", "check", str(slow_rules(tmp_path))]
     told = CliRunner().invoke(cli, arguments)
