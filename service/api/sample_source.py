@@ -128,12 +128,19 @@ def check_robot_address(settings: Settings, rules: ReactionRules | None) -> None
 
 
 def unused(settings: Settings, scene: Scene) -> tuple[str, ...]:
-    """Settings that have no effect with this scene, one readable line each."""
+    """Settings that have no effect with this scene or without another one, one readable line each."""
+    controllers, found = settings.controllers, []
+    if controllers.xmlrpc_port is None and controllers.line_port is None:
+        found = [
+            f"--controller-{name} is not used: expected --xmlrpc-port or --line-port beside it"
+            for name in ("host", "clients")
+            if name in controllers.model_fields_set
+        ]
     given = settings.ft_host is not None or settings.ft_fields is not None
     if scene.base_wrench is None and given and settings.controllers.source == "robot":
         option = "--ft-host" if settings.ft_host is not None else "--ft-fields"
-        return (f"{option} is not used: the scene has no base_wrench",)
-    return ()
+        found.append(f"{option} is not used: the scene has no base_wrench")
+    return tuple(found)
 
 
 def _option(name: str) -> str:

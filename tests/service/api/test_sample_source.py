@@ -134,3 +134,16 @@ def test_the_maker_of_the_source_can_be_sent_to_another_process() -> None:
     maker = open_source(settings, load_scene(settings))
     assert maker is not None
     assert pickle.loads(pickle.dumps(maker)).keywords == maker.keywords
+
+
+@pytest.mark.parametrize("name", ["host", "clients"])
+def test_an_address_of_ports_that_are_closed_is_told(name: str) -> None:
+    def told(**more: object) -> tuple[str, ...]:
+        values = {"host": "0.0.0.0", "clients": "192.0.2.7"}
+        given = {**values, **more} if more else {name: values[name]}
+        settings = Settings.checked({"controllers": given})
+        return unused(settings, load_scene(settings))
+
+    assert told() == (f"--controller-{name} is not used: expected --xmlrpc-port or --line-port beside it",)
+    assert told(line_port=0) == ()
+    assert told(xmlrpc_port=0) == ()
