@@ -8,9 +8,9 @@ from contactsense.service.controllers.robot_program import MAX_NUMBERS, Argument
 
 MAX_LINE = 128
 """Longest request [bytes]."""
-MAX_REPLY = 1000
-"""Longest reply [bytes]; URScript reads about 1 kB at a time."""
-_LARGEST = 1e9
+_LARGEST = 1e12
+"""Largest magnitude of a number. A time since 1970 fits [s], and 30 numbers are less than the 1 kB that
+URScript reads at a time."""
 
 
 class LineError(ValueError):
@@ -62,7 +62,7 @@ def parse_line(line: bytes) -> tuple[str, list[Argument]]:
 
 
 def reply(numbers: Sequence[float]) -> bytes:
-    """Encode a reply of at most 30 numbers, without exponents; magnitudes are limited to 1e9."""
+    """Encode a reply of at most 30 numbers, without exponents; magnitudes are limited to 1e12."""
     cut = [min(max(number, -_LARGEST), _LARGEST) for number in numbers[:MAX_NUMBERS]]
     return f"( {', '.join(f'{number:.6f}' for number in cut)} )\n".encode()
 

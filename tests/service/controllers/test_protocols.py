@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from contactsense.service.controllers.http_calls import HttpError, HttpReader, HttpRequest
 from contactsense.service.controllers.line_protocol import (
     MAX_LINE,
-    MAX_REPLY,
     LineError,
     LineReader,
     parse_line,
@@ -151,11 +150,15 @@ def test_a_line_too_long_is_told_once_and_the_next_is_read() -> None:
     assert reader.feed(b"aaa\nstatus\n") == [("status", [])]
 
 
+def test_a_clock_since_1970_is_told_in_full() -> None:
+    assert reply([1.0, 1764374400.25]) == b"( 1.000000, 1764374400.250000 )\n"
+
+
 @given(numbers=st.lists(finite, min_size=1, max_size=40))
 def test_replies_are_what_urscript_reads(numbers: list[float]) -> None:
     text = reply(numbers)
-    assert len(text) <= MAX_REPLY
+    assert len(text) <= 1000  # URScript reads about 1 kB at a time
     assert re.fullmatch(rb"\( -?\d+\.\d+(, -?\d+\.\d+)* \)\n", text)
     read = [float(word) for word in text[1:-2].split(b",")]
-    expected = [min(max(number, -1e9), 1e9) for number in numbers[:MAX_NUMBERS]]
+    expected = [min(max(number, -1e12), 1e12) for number in numbers[:MAX_NUMBERS]]
     assert all(math.isclose(a, b, abs_tol=1e-6) for a, b in zip(read, expected, strict=True))
