@@ -62,5 +62,7 @@ def test_robot_programs_call_what_there_is(script: Path) -> None:
     assert all("move" not in body for _, body in watched)
     # Before the first answer there is none, which ends the loop.
     assert not watched or re.search(r"run watch\(\)\s+sleep\(", text)
+    # A touch has several statuses: several contacts at a time are one, too.
+    assert not re.search(r"touch\[0\] ==", text)
     blocks = len(re.findall(r"^\s*(?:def|if|while|thread)\b", text, re.MULTILINE))
     assert len(re.findall(r"^\s*end\b", text, re.MULTILINE)) == blocks
