@@ -10,6 +10,7 @@ from contactsense import Scene
 from contactsense.service.controllers import robot_program, sample_message, settings
 from contactsense.service.controllers.scene_message import make_scene
 from contactsense.service.live.hub import Hub
+from contactsense.service.mock.urscript import parse
 from contactsense.service.reactions.state import Reactions
 
 ROOT = Path(__file__).parents[3]
@@ -66,3 +67,10 @@ def test_robot_programs_call_what_there_is(script: Path) -> None:
     assert not re.search(r"touch\[0\] ==", text)
     blocks = len(re.findall(r"^\s*(?:def|if|while|thread)\b", text, re.MULTILINE))
     assert len(re.findall(r"^\s*end\b", text, re.MULTILINE)) == blocks
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
+def test_the_page_says_that_the_mock_runs_no_such_programs(script: Path) -> None:
+    unknown = " ".join(parse(script.read_text(encoding="utf-8")).unknown)
+    assert "if " in unknown
+    assert "The programs in `examples/urscript` cannot run on `contactsense mock`" in PAGE
