@@ -47,5 +47,5 @@ class HeldValues:
                     f"{field} repeats its values in {share:.0%} of the rows in which the arm moves: held "
                     "values look like contacts; expected a new value in each row, keep only rows with one"
                 )
-                found.append(Problem(0, rows, "held", message))
+                found.append(Problem(0, rows, "held", message, share))
         return found

@@ -7,8 +7,10 @@ from contactsense.service.recordings.problems import Problem
 
 NAMED = 3
 """Number of places that a line names; the others are counted."""
-_MEASURED = ("gap", "clock_set_back", "bad_row")
-"""Kinds whose messages contain a measured time or the cell itself, so that each reads differently."""
+_MEASURED = ("gap", "clock_set_back", "bad_row", "held")
+"""Kinds whose messages contain what was measured or the cell itself, so that each reads differently."""
+_ABOUT = {"bad_row": ":", "held": " "}
+"""Of those that are about a column or a sensor: what stands behind its name, where the message begins."""
 
 
 def problem_lines(problems: Iterable[Problem]) -> tuple[str, ...]:
@@ -16,7 +18,8 @@ def problem_lines(problems: Iterable[Problem]) -> tuple[str, ...]:
     places, message."""
     groups: dict[tuple[str, str], list[Problem]] = {}
     for problem in _named_once(tuple(problems)):
-        about = problem.message.split(":")[0] if problem.kind == "bad_row" else ""
+        mark = _ABOUT.get(problem.kind)
+        about = problem.message.split(mark)[0] if mark else ""
         key = (problem.kind, about if problem.kind in _MEASURED else problem.message)
         groups.setdefault(key, []).append(problem)
     return tuple(map(_line, groups.values()))
@@ -41,5 +44,6 @@ def _line(group: list[Problem]) -> str:
     if len({problem.message for problem in group}) == 1:
         return f"{listed}: {group[0].message}{advice}"
     worst = max(group, key=lambda problem: problem.size)
-    which = f"the largest, row {worst.rows}" if worst.size > 0.0 else "the first"
+    rows = "row" if worst.row_to - 1 <= worst.row_from else "rows"
+    which = f"the largest, {rows} {worst.rows}" if worst.size > 0.0 else "the first"
     return f"{listed}; {which}: {worst.message}{advice}"

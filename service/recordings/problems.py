@@ -32,7 +32,8 @@ class Problem:
     kind: Kind
     message: str
     size: float = 0.0
-    """How large it is, where it has a size: the time of a gap, or by which a clock was set back [s]."""
+    """How large it is, where it has a size: the time of a gap, or by which a clock was set back [s]; the
+    share of the rows whose values are held."""
 
     @property
     def rows(self) -> str:

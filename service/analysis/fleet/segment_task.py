@@ -16,6 +16,7 @@ from contactsense.sensors.timing import LONGEST_FIRST_STEP
 from contactsense.service.analysis.analysis import AnalysisRun
 from contactsense.service.analysis.contact_table import contact_table
 from contactsense.service.analysis.fleet.named_within import named_within
+from contactsense.service.analysis.fleet.segment_problems import own_problems
 from contactsense.service.analysis.fleet.segments import Segment
 from contactsense.service.analysis.friction_residuals import FrictionResiduals
 from contactsense.service.analysis.present_sensors import absent_sensors, without_sensors
@@ -23,7 +24,6 @@ from contactsense.service.analysis.residual_statistics import ResidualStatistics
 from contactsense.service.recordings import Recording, RecordingError, read
 from contactsense.service.recordings.cleaning import GAP_STEPS
 from contactsense.service.recordings.parquet_files import write_parquet
-from contactsense.service.recordings.problem_lines import problem_lines
 
 HANDOVER = 1.0
 """A contact that begins within this time after a segment's end is kept by both segments: which of them saw it
@@ -119,7 +119,8 @@ def _analyze(recording: Recording, segment: Segment, run: AnalysisRun) -> tuple[
     result = {
         "seconds": _without_gaps(step[first + 1 : last]) if contacts or found.usable else 0.0,
         "samples": last - first,
-        "problems": [*problem_lines(recording.problems), *run.complaints],
+        "problems": own_problems(recording.problems, segment.first, segment.last),
+        "complaints": list(run.complaints),
         "free": found.free,
         "usable": found.usable,
         "touched": found.touched,

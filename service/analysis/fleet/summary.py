@@ -3,7 +3,7 @@
 import json
 import shutil
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ import pyarrow.parquet as pa_parquet
 from contactsense.scene import Scene
 from contactsense.service.analysis.contact_table import SCHEMA
 from contactsense.service.analysis.fleet.drift import Daily, daily_mean, daily_median
+from contactsense.service.analysis.fleet.segment_problems import RecordingProblems
 from contactsense.service.analysis.fleet.segment_task import FRICTION, SegmentTask, part_path, without_nan
 from contactsense.service.analysis.health import TOO_LARGE
 from contactsense.service.recordings.parquet_files import write_parquet
@@ -143,20 +144,18 @@ def summarize(
         results: The result of `run_segment` for each.
     """
     robots: dict[str, RobotSummary] = {}
-    problems: list[str] = []
+    problems: dict[str, RecordingProblems] = {}
+    unreadable: dict[str, str] = {}
     tables: list[pa.Table] = []
     seen: dict[str, int] = defaultdict(int)  # contacts so far, by recording
     over: dict[str, int] = defaultdict(int)  # row at which the latest of them has ended
-    skipped = set()
     judged: dict[str, bool] = {}
     for task, result in zip(tasks, results, strict=True):
         name = result["name"]
         if "problem" in result:
-            if name not in skipped:
-                problems.append(result["problem"])
-            skipped.add(name)
+            unreadable.setdefault(name, result["problem"])
             continue
-        problems += [f"{name}: {text}" for text in result["problems"] if result["index"] == 0]
+        problems.setdefault(name, RecordingProblems()).add(result)
         table = pa_parquet.read_table(part_path(task).with_suffix(".parquet"))
         kept = np.flatnonzero(table["row"].to_numpy() >= over[name])
         over[name] = max([over[name], *table["row_end"].to_numpy()[kept].tolist()])
@@ -189,7 +188,14 @@ def summarize(
     contacts = pa.concat_tables(tables) if tables else schema.empty_table()
     ordered = tuple(robots[name] for name in sorted(robots))
     unjudged = tuple(name for name, known in judged.items() if not known)
-    return FleetSummary(ordered, contacts, tuple(problems), len(skipped), unjudged)
+    return FleetSummary(ordered, contacts, tuple(_sentences(problems, unreadable)), len(unreadable), unjudged)
+
+
+def _sentences(problems: Mapping[str, RecordingProblems], unreadable: Mapping[str, str]) -> Iterator[str]:
+    """Problems of all recordings by name, those that cannot be read first."""
+    yield from unreadable.values()
+    for name, found in problems.items():
+        yield from (f"{name}: {text}" for text in found.lines())
 
 
 def write_summary(summary: FleetSummary, folder: Path) -> None:

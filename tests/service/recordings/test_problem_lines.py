@@ -19,6 +19,15 @@ def test_of_what_has_no_size_the_first_is_an_example() -> None:
     assert problem_lines(cells) == ("rows 3, 4 (2 places); the first: q: expected numbers, got '3'",)
 
 
+def test_held_values_of_a_sensor_are_named_once() -> None:
+    held = [Problem(9 * i, 9 * i + 9, "held", f"wrist repeats its values in {i} %", i) for i in (1, 2)]
+    other = Problem(0, 9, "held", "base repeats its values in 5 %", 5.0)
+    assert problem_lines([*held, other]) == (
+        "rows 9 to 17, 18 to 26 (2 places); the largest, rows 18 to 26: wrist repeats its values in 2 %",
+        "rows 0 to 8: base repeats its values in 5 %",
+    )
+
+
 def test_rows_in_no_order_are_asked_about() -> None:
     back = [Problem(i, i + 1, "clock_set_back", f"the clock was set back by {i} s", i) for i in (2, 4)]
     assert problem_lines(back) == (
