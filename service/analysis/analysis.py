@@ -1,9 +1,8 @@
 """`analyze`: finds the contacts in a recording."""
 
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,7 @@ from contactsense.scene import Scene, check_scene
 from contactsense.service.analysis.contact_history import SENSED, ContactCollector, ContactHistory
 from contactsense.service.analysis.contact_summary import ContactSummary
 from contactsense.service.analysis.contact_table import contact_table
+from contactsense.service.analysis.followed_rows import FollowedRows
 from contactsense.service.analysis.force_limits import ForceLimits
 from contactsense.service.analysis.friction_residuals import FrictionResiduals
 from contactsense.service.analysis.present_sensors import (
@@ -28,7 +28,7 @@ from contactsense.service.analysis.residual_statistics import ResidualStatistics
 from contactsense.service.analysis.sample_table import sample_table
 from contactsense.service.analysis.smoothing import ContactSmoother
 from contactsense.service.analysis.summarize import Summarizer
-from contactsense.service.recordings import Recording
+from contactsense.service.recordings import Recording, RecordingError
 from contactsense.service.recordings.problem_lines import problem_lines
 from contactsense.service.recordings.problems import Problem
 from contactsense.service.recordings.recording_file import RecordingFile
@@ -190,73 +190,77 @@ class AnalysisRun:
         doubt = self.localizer.doubt
         return (*self.localizer.refusals, *((doubt,) if doubt else ()))
 
+    def begins_touched(self, file: RecordingFile, first: int, last: int) -> bool:
+        """Whether the samples of these rows, from `first` up to, but not including, `last`, are not those of
+        a free arm from the first one on; not if none of them can be used."""
+        try:
+            for _ in self.localizer.run_blocks(file.read(first, last).sample_blocks()):
+                pass
+        except RecordingError:
+            return False
+        return bool(self.localizer.doubt)
+
     def contacts(
         self,
-        recording: Recording | RecordingFile,
+        recording: Recording | RecordingFile | FollowedRows,
         keep: Callable[[pa.Table], None] | None = None,
         progress: Callable[[int], None] | None = None,
         *,
-        cuts: Sequence[int] | None = None,
         statistics: ResidualStatistics | None = None,
-        own: tuple[int, int] | None = None,
         friction: FrictionResiduals | None = None,
     ) -> Iterator[ContactSummary]:
         """The contacts of a recording, each as soon as it has ended.
 
         Args:
-            recording: The recording.
+            recording: The recording, or a part of it: only its own contacts and residuals count then.
             keep: Receives the tables of all samples.
             progress: Called with the number of samples processed since the last call.
-            cuts: Sample numbers at which blocks end, covering all samples from 0 to N.
             statistics: Collects the residuals instead of `residuals`.
-            own: Samples whose residuals are collected, whole blocks; after them, only an active contact is
-                followed.
             friction: Collects the same residuals.
         """
         name, joints = recording.name, len(self.scene.robot.joints)
         span = _span(recording)
         self.residuals = statistics or ResidualStatistics(joints, *span)
         self.extent = Extent(problems=recording.problems if isinstance(recording, Recording) else ())
-        first, last = own or (0, None)
+        own = recording if isinstance(recording, FollowedRows) else None
         collector = ContactCollector(self.scene.bandwidth)
-        at = 0
-        for rows, block, found in self._blocks(recording, cuts):
-            if first <= at and (last is None or at < last):
+        for rows, block, found in self._blocks(recording):
+            if own is None or own.has(int(rows[0])):
                 self.residuals.add(found)
                 if friction is not None:
                     friction.add(block, found)
                 self.biases = self.localizer.biases
-            at += len(found)
+            if own is not None:
+                own.pass_block(rows, block.t)
             if keep is not None:
                 keep(sample_table(rows, found, self.scene))
             for history in collector.add(rows, block, found):
-                yield self._finish(history, name)
+                if own is None or own.keeps(int(history.row[0])):
+                    yield self._finish(history, name)
             if progress is not None:
                 progress(len(found))
-            if last is not None and at >= last and at > first and not collector.is_open:
-                break
+            if own is not None:
+                own.end_unless(collector.open_since)
         for history in collector.end():
-            yield self._finish(history, name)
+            if own is None or own.keeps(int(history.row[0])):
+                yield self._finish(history, name)
 
     def _blocks(
-        self, recording: Recording | RecordingFile, cuts: Sequence[int] | None
+        self, recording: Recording | RecordingFile | FollowedRows
     ) -> Iterator[tuple[np.ndarray, SampleBlock, BlockEstimates]]:
         """Rows of each block in the file, the block, and its estimates."""
         taken: deque[tuple[np.ndarray, SampleBlock]] = deque()
 
         def blocks() -> Iterator[SampleBlock]:
-            at = 0
             for part in recording.blocks():
                 self.extent.add(part.t)
                 # Slices of a recording carry the problems of the whole recording.
                 if not isinstance(recording, Recording):
                     self.extent.problems += part.problems
-                begin = at
+                at = 0
                 for block in part.sample_blocks(MAX_BLOCK):
-                    inside = [cut - at for cut in cuts or () if at < cut < at + len(block)]
-                    for a, b in pairwise([0, *inside, len(block)]):
-                        taken.append((part.rows[at - begin + a : at - begin + b], block[a:b]))
-                        yield block[a:b]
+                    taken.append((part.rows[at : at + len(block)], block))
+                    yield block
                     at += len(block)
 
         for found in self.localizer.run_blocks(blocks()):
@@ -294,8 +298,8 @@ class AnalysisRun:
         return self._smoothers[silent]
 
 
-def _span(recording: Recording | RecordingFile) -> tuple[float | None, float | None]:
+def _span(recording: Recording | RecordingFile | FollowedRows) -> tuple[float | None, float | None]:
     """Times of the first and the last sample [s], if they are known in advance."""
-    if isinstance(recording, RecordingFile) or len(recording) == 0:
+    if not isinstance(recording, Recording) or len(recording) == 0:
         return None, None
     return float(recording.t[0]), float(recording.t[-1])

@@ -101,9 +101,9 @@ class ContactCollector:
         self._count, self._number = 0, 0
 
     @property
-    def is_open(self) -> bool:
-        """Whether a contact is active, or may resume."""
-        return bool(self._open)
+    def open_since(self) -> int | None:
+        """Row in which the contact began that is active, or may resume; None without one."""
+        return int(self._open[0].row[0]) if self._open else None
 
     def add(self, rows: np.ndarray, block: SampleBlock, found: BlockEstimates) -> Iterator[ContactHistory]:
         """Add a block; yields the contacts that have ended for good in it.

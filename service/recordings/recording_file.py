@@ -1,6 +1,6 @@
 """From a file to a recording: its columns are checked and converted by the scene, block by block."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -65,12 +65,19 @@ class RecordingFile:
         """Read the recording, or its rows from `first` up to, but not including, `last`."""
         return concatenate(list(self.blocks(BLOCK, first, last)), self.name, self.meta)
 
-    def blocks(self, size: int = BLOCK, first: int = 0, last: int | None = None) -> Iterator[Recording]:
+    def blocks(
+        self,
+        size: int = BLOCK,
+        first: int = 0,
+        last: int | None = None,
+        enough: Callable[[], bool] = lambda: False,
+    ) -> Iterator[Recording]:
         """The samples in blocks of at most `size`; each carries the problems found since the previous block.
 
         Args:
             size: Maximum number of samples in a block.
             first, last: Range of rows to read: from `first` up to, but not including, `last`.
+            enough: Asked after each block: if it returns True, what has been read by then is the rest.
         """
         checker, held, end = RowChecker(), HeldValues(), 0
         pending = DelayedReadings(self._signals.base_delay, self._signals.links)
@@ -84,6 +91,8 @@ class RecordingFile:
             for part in pending.add(block).blocks(size):
                 new, reported = tuple(checker.problems[reported:]), len(checker.problems)
                 yield replace(part, problems=new, repeated=checker.repeated, meta=self.meta)
+            if enough():
+                break
         checker.finish()
         rest = pending.flush()
         new = (

@@ -18,18 +18,17 @@ from contactsense.service.analysis.contact_table import contact_table
 from contactsense.service.analysis.fleet.named_within import named_within
 from contactsense.service.analysis.fleet.segment_problems import own_problems
 from contactsense.service.analysis.fleet.segments import Segment
+from contactsense.service.analysis.followed_rows import FollowedRows
 from contactsense.service.analysis.friction_residuals import FrictionResiduals
 from contactsense.service.analysis.present_sensors import absent_sensors, without_sensors
 from contactsense.service.analysis.residual_statistics import ResidualStatistics
-from contactsense.service.recordings import Recording, RecordingError, read
+from contactsense.service.recordings import RecordingError, RecordingFile
 from contactsense.service.recordings.cleaning import GAP_STEPS
 from contactsense.service.recordings.parquet_files import write_parquet
 
-HANDOVER = 1.0
-"""A contact that begins within this time after a segment's end is kept by both segments: which of them saw it
-first is decided when the results are combined [s]."""
-
-
+HELD = 12
+"""Whether a contact is active where reading starts shows in one part of so many of the time before the
+segment: in 5 s of `contactsense.service.analysis.fleet.segments.WARM_UP`."""
 FRICTION = ("coulomb", "viscous", "coulomb_std", "viscous_std")
 """Fields of `contactsense.service.analysis.friction_residuals.FrictionChange`."""
 
@@ -62,11 +61,11 @@ def run_segment(task: SegmentTask) -> dict[str, Any]:
         return dict(json.loads(path.read_text(encoding="utf-8")))
     segment, run = task.segment, _run(task.scene, task.parts)
     try:
-        recording = read(segment.file.path, run.scene, first=segment.begin, last=segment.end)
-        absent = absent_sensors(recording, run.scene)
+        file = RecordingFile(segment.file.path, run.scene)
+        absent = absent_sensors(file, run.scene)
         if absent:
             run = _run(task.scene, task.parts, absent)
-        result, table = _analyze(recording, segment, run)
+        result, table = _analyze(file, segment, run)
     except RecordingError as error:
         reason = named_within(str(error), segment.file.path, segment.file.name)
         result, table = {"problem": reason}, contact_table([])
@@ -93,42 +92,45 @@ def _run(scene: str, parts: str, absent: frozenset[str] = frozenset()) -> Analys
     return AnalysisRun(loaded, Localizer(loaded))
 
 
-def _analyze(recording: Recording, segment: Segment, run: AnalysisRun) -> tuple[dict[str, Any], pa.Table]:
+def _begin(file: RecordingFile, segment: Segment, run: AnalysisRun) -> tuple[int, bool]:
+    """Row at which reading starts: where nothing touches the arm, as what is learned of biases during a
+    contact would be another contact after it. And whether there is such a row, or the recording begins there;
+    if not, it is the usual one."""
+    warm_up, begin = segment.first - segment.begin, segment.begin
+    while begin > 0 and run.begins_touched(file, begin, begin + warm_up // HELD):
+        if begin == segment.earliest:
+            return segment.begin, False
+        begin = max(segment.first - 2 * (segment.first - begin), segment.earliest)
+    return begin, True
+
+
+def _analyze(file: RecordingFile, segment: Segment, run: AnalysisRun) -> tuple[dict[str, Any], pa.Table]:
     """Statistics and contacts of the rows that are the segment's own."""
-    rows, t = recording.rows, recording.t
-    first = int(np.searchsorted(rows, segment.first))
-    last = len(rows) if segment.last is None else int(np.searchsorted(rows, segment.last))
-    if last <= first:
-        raise RecordingError(f"{recording.name}: expected samples from row {segment.first} on, got none")
-    # A clock that was set back must not decide which contacts are the segment's own, nor how long it is.
-    step = np.maximum(np.diff(t, prepend=t[0]), 0.0)
-    handover = float(step[:last].sum()) + HANDOVER
-    after = int(np.searchsorted(np.cumsum(step), handover))
-    statistics = ResidualStatistics(recording.q.shape[1])
+    begin, is_known = _begin(file, segment, run)
+    part = FollowedRows(file, begin, segment.first, segment.last)
+    statistics = ResidualStatistics(len(run.scene.robot.joints))
     friction = FrictionResiduals(run.scene)
-    contacts = [
-        contact
-        for contact in run.contacts(
-            recording, cuts=(first, last), statistics=statistics, own=(first, last), friction=friction
-        )
-        if segment.first <= contact.row and np.searchsorted(rows, contact.row) < after
-    ]
+    contacts = list(run.contacts(part, statistics=statistics, friction=friction))
+    t = part.times
+    if len(t) == 0:
+        raise RecordingError(f"{file.name}: expected samples from row {segment.first} on, got none")
     found = statistics.summary()
     base, torque = run.biases
     change = friction.fit()
     result = {
-        "seconds": _without_gaps(step[first + 1 : last]) if contacts or found.usable else 0.0,
-        "samples": last - first,
-        "problems": own_problems(recording.problems, segment.first, segment.last),
-        "complaints": list(run.complaints),
+        "seconds": _without_gaps(np.maximum(np.diff(t), 0.0)) if contacts or found.usable else 0.0,
+        "samples": len(t),
+        "problems": own_problems(run.extent.problems, segment.first, segment.last),
+        # A contact of which the beginning was not found is no reason to doubt the scene.
+        "complaints": list(run.complaints if is_known else run.localizer.refusals),
         "free": found.free,
         "usable": found.usable,
         "touched": found.touched,
         "degraded": found.degraded,
         "base_ratio": found.base_ratio.tolist(),
         "joint_ratio": found.joint_ratio.tolist(),
-        "base_bias": base.tolist() if recording.base_wrench is not None else [None] * len(base),
-        "joint_bias": torque.tolist() if recording.joint_torque is not None else [None] * len(torque),
+        "base_bias": base.tolist() if "base_wrench" in file.sensors else [None] * len(base),
+        "joint_bias": torque.tolist() if "joint_torque" in file.sensors else [None] * len(torque),
         "joint_constant": without_nan(change.bias),
         **{name: without_nan(getattr(change, name)) for name in FRICTION},
     }

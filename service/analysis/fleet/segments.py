@@ -1,9 +1,9 @@
 """Recordings of a dataset, and their division into segments for analysis.
 
 The division depends only on the recording, never on the workers: any number of workers, and any interrupted
-and resumed run, gives the same contacts. Each segment is read from some time before its start, so that biases
-and observers have settled, to some time after its end, so that a contact that is active then is followed to
-its end.
+and resumed run, gives the same contacts. Each segment is read from some time before its start, when nothing
+touches the arm, so that biases and observers have settled, and on after its end until the contacts that began
+in it have ended.
 """
 
 import hashlib
@@ -24,8 +24,8 @@ SEGMENT_TIME = 600.0
 """Length of a segment [s]."""
 WARM_UP = 60.0
 """Time before a segment at which reading starts [s]: six times the memory of the bias filter."""
-TAIL = 60.0
-"""Time after a segment up to which a contact is followed [s]."""
+REACH = 3600.0
+"""A contact that is active where reading starts is followed back over at most this time [s]."""
 SUFFIXES = (".parquet", ".csv", ".csv.gz", ".mcap", ".db3", ".arrows", ".arrow", ".feather")
 RESULTS = ("contacts", "parts", "robots.parquet", "days.parquet")
 """Tables in the folder of the results."""
@@ -70,9 +70,9 @@ class Segment:
     last: int | None
     """Row after its last one; None: to the end."""
     begin: int
-    """Row at which reading starts."""
-    end: int | None
-    """Row at which reading ends; None: at the end."""
+    """Row at which reading starts, unless a contact is active there."""
+    earliest: int
+    """Row at which it starts at the earliest if so."""
 
 
 def find_recordings(paths: tuple[Path, ...], out: Path | None = None) -> list[DatasetFile]:
@@ -131,7 +131,7 @@ def segments(file: DatasetFile, length: float = SEGMENT_TIME) -> Iterator[Segmen
     rows, rate = _rows_and_rate(file.path) if file.path.suffix == ".parquet" else (0, 0.0)
     size = max(round(length * rate), 1)
     if rate <= 0.0 or rows <= 1.5 * size:
-        yield Segment(file, file.key, 0, 1, 0, None, 0, None)
+        yield Segment(file, file.key, 0, 1, 0, None, 0, 0)
         return
     count, key = -(-rows // size), file.key
     for index in range(count):
@@ -144,7 +144,7 @@ def segments(file: DatasetFile, length: float = SEGMENT_TIME) -> Iterator[Segmen
             first,
             last if last < rows else None,
             max(first - round(WARM_UP * rate), 0),
-            last + round(TAIL * rate) if last < rows else None,
+            max(first - round(REACH * rate), 0),
         )
 
 

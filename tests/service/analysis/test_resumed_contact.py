@@ -119,7 +119,7 @@ def test_a_contact_ends_as_soon_as_it_cannot_resume(localizer: Localizer) -> Non
     for part, estimates in zip(parts, localizer.run_blocks(parts), strict=True):
         ended = collector.add(np.arange(len(part)), part, estimates)
         ends += [(part.t[-1] - history.t[-1], history.complete) for history in ended]
-    assert not collector.is_open
+    assert collector.open_since is None
     assert ends == [(pytest.approx(SETTLING_PERIODS / SCENE.bandwidth, abs=0.03), True)]
 
 

@@ -1,0 +1,61 @@
+"""Contacts that last for minutes: a dataset has them whole, wherever its recordings are cut."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from contactsense import Scene, forward_model
+from contactsense.service.analysis.fleet.run import analyze_fleet
+from contactsense.service.recordings.export import write_columns
+
+RATE = 50.0
+"""Samples per second."""
+Q = np.array([0.3, -1.3, 1.6, -1.9, -1.57, 0.0])
+
+
+def _write(path: Path, seconds: float, *held: tuple[float, float]) -> Path:
+    """An arm at rest whose forearm somebody pushes with 20 N from one time to the other [s]."""
+    scene, chance, t = Scene(robot="ur5e"), np.random.default_rng(0), np.arange(0.0, seconds, 1.0 / RATE)
+    free, touched = (
+        forward_model(scene, Q, "forearm", np.array([-0.2, 0.0, 0.06]), np.array([0.0, 0.0, -force]))
+        for force in (0.0, 20.0)
+    )
+    on = np.any([(begin <= t) & (t < end) for begin, end in held], axis=0)[:, None]
+    columns = {"timestamp": t}
+    for name, noise in (("base_wrench", np.repeat([0.25, 0.05], 3)), ("joint_torque", np.full(6, 0.3))):
+        values = np.where(on, getattr(touched, name), getattr(free, name))
+        values = values + noise * chance.standard_normal(values.shape)
+        columns |= {f"{name}_{i}": values[:, i] for i in range(6)}
+    columns |= {f"actual_q_{i}": np.full(len(t), Q[i]) for i in range(6)}
+    columns |= {f"actual_qd_{i}": np.zeros(len(t)) for i in range(6)}
+    write_columns(path, columns)
+    return path
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "held",
+    [
+        [(70.0, 180.0), (181.0, 190.0)],
+        [(0.0, 150.0)],  # from the first sample on
+    ],
+)
+def test_a_long_contact_is_one_wherever_the_recording_is_cut(
+    tmp_path: Path, held: list[tuple[float, float]]
+) -> None:
+    path, scene = _write(tmp_path / "a.parquet", 220.0, *held), tmp_path / "scene.yaml"
+    scene.write_text("robot: ur5e\n")
+    whole, cut = (
+        analyze_fleet((path,), scene, tmp_path / f"{length}", length=length) for length in (600.0, 31.0)
+    )
+    for found in (whole, cut):
+        rows = found.contacts.to_pylist()
+        assert [row["complete"] for row in rows] == len(held) * [True]
+        for row, (begin, end) in zip(rows, held, strict=True):
+            assert row["link"] == "forearm"
+            assert row["begin"] == pytest.approx(begin, abs=0.15)
+            assert row["begin"] + row["duration"] == pytest.approx(end, abs=0.15)
+            assert row["peak_force"] == pytest.approx(20.0, abs=1.0)
+        assert found.robots[0].touched == whole.robots[0].touched
+        assert found.problems == whole.problems == ()
