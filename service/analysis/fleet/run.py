@@ -1,14 +1,16 @@
 """Analysis of a whole dataset: find recordings, process their segments, combine the results."""
 
 import hashlib
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from contactsense.scene import Scene
-from contactsense.service.analysis.fleet.scenes import scene_files
+from contactsense.service.analysis.fleet.scenes import RobotScenes, robot_scenes
 from contactsense.service.analysis.fleet.segment_task import SegmentTask, run_segment
-from contactsense.service.analysis.fleet.segments import SEGMENT_TIME, find_recordings, segments
+from contactsense.service.analysis.fleet.segments import SEGMENT_TIME, DatasetFile, find_recordings, segments
 from contactsense.service.analysis.fleet.summary import FleetSummary, settings_of, summarize, write_summary
 from contactsense.service.analysis.fleet.worker_pool import run_tasks
 
@@ -26,12 +28,13 @@ def analyze_fleet(
     progress: Callable[[int, int], None] | None = None,
     length: float = SEGMENT_TIME,
 ) -> FleetSummary:
-    """Analyse all recordings of a dataset; results of an earlier run are reused.
+    """Analyse all recordings of a dataset; results of an earlier run are reused. Recordings that cannot be
+    read, and those of a robot without a scene, are skipped.
 
     Args:
         paths: Recordings and folders of recordings, such as `robot=NAME/date=DATE/*.parquet`.
         scene: The scene file of all robots, a folder with one for each, or None, see
-            `contactsense.service.analysis.fleet.scenes.scene_files`.
+            `contactsense.service.analysis.fleet.scenes.robot_scenes`.
         out: Folder of the results; `out/parts` holds those of the segments.
         workers: Processes on this machine.
         scheduler: Address of a Dask scheduler to use instead; its workers need access to the same files.
@@ -40,16 +43,17 @@ def analyze_fleet(
 
     Raises:
         FileNotFoundError: there is no recording.
-        SceneError: a scene file is wrong, or missing.
+        SceneError: the scene file of all robots is wrong or missing, or that of each robot is.
         WorkerPoolError: the workers are not available.
         RuntimeError: a segment failed for a reason other than its recording.
     """
     files = find_recordings(paths, out)
-    paths_of = scene_files(scene, files, out / "scenes")
-    parts = {robot: _parts(out, path, length) for robot, path in paths_of.items()}
+    scenes = robot_scenes(scene, files, out / "scenes")
+    parts = {robot: _parts(out, one, length) for robot, one in scenes.loaded.items()}
     tasks = [
-        SegmentTask(segment, str(paths_of[file.robot]), parts[file.robot])
+        SegmentTask(segment, str(scenes.paths[file.robot]), parts[file.robot])
         for file in files
+        if file.robot in scenes.paths
         for segment in segments(file, length)
     ]
     results: dict[SegmentTask, dict[str, Any]] = {}
@@ -61,14 +65,25 @@ def analyze_fleet(
         results[task] = result
         if progress is not None:
             progress(len(results), len(tasks))
-    loaded = {path: Scene.load(path) for path in set(paths_of.values())}
-    scenes = {robot: loaded[path] for robot, path in paths_of.items()}
-    summary = summarize(scenes, tasks, (results[task] for task in tasks))
+    summary = summarize(scenes.loaded, tasks, (results[task] for task in tasks))
+    summary = replace(
+        summary,
+        problems=(*_left_out(scenes, files), *summary.problems),
+        skipped=summary.skipped + sum(file.robot in scenes.missing for file in files),
+    )
     write_summary(summary, out)
     return summary
 
 
-def _parts(out: Path, scene: Path, length: float) -> str:
+def _left_out(scenes: RobotScenes, files: Iterable[DatasetFile]) -> Iterator[str]:
+    """The robots without a scene, one sentence each."""
+    counts = Counter(file.robot for file in files)
+    for robot, reason in scenes.missing.items():
+        count = counts[robot]
+        yield f"{reason}; {count} recording{'s were' if count > 1 else ' was'} skipped"
+
+
+def _parts(out: Path, scene: Scene, length: float) -> str:
     """Folder of the results of the segments of one scene."""
     settings = f"{VERSION} {settings_of(scene)} {length}"
     return str((out / "parts" / hashlib.sha256(settings.encode()).hexdigest()[:16]).resolve())

@@ -1,9 +1,11 @@
 """Which scene file belongs to which robot of a dataset."""
 
 from collections.abc import Iterable
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from contactsense.scene import SceneError
+from contactsense.scene import Scene, SceneError
+from contactsense.service.analysis.fleet.named_within import named_within
 from contactsense.service.analysis.fleet.segments import DatasetFile
 from contactsense.service.recordings import RecordingError, scene_in
 from contactsense.service.recordings.metadata import scene_text
@@ -12,45 +14,80 @@ OWN_SCENE = "scene.yaml"
 """A robot's own scene file, in its folder `robot=NAME`."""
 
 
-def scene_files(scene: Path | None, files: Iterable[DatasetFile], carried: Path) -> dict[str, Path]:
-    """The scene file of each robot.
+@dataclass
+class RobotScenes:
+    """The scenes of a dataset's robots."""
+
+    paths: dict[str, Path] = field(default_factory=dict)
+    """The scene file of each robot that has one."""
+    loaded: dict[str, Scene] = field(default_factory=dict)
+    """The scene in it."""
+    missing: dict[str, str] = field(default_factory=dict)
+    """Why each of the others has none: one sentence that names robot and file."""
+
+
+def robot_scenes(scene: Path | None, files: Iterable[DatasetFile], carried: Path) -> RobotScenes:
+    """The scene of each robot.
 
     Args:
         scene: One file for all robots; or a folder with `NAME.yaml` for each; None: each robot's own, see
-            `OWN_SCENE`, or otherwise the one stored in its first recording.
+            `OWN_SCENE`, or otherwise the one stored in the first of its recordings that can be read and
+            carries one.
         files: The recordings of the dataset.
         carried: Folder to which the scenes stored in recordings are written.
 
     Raises:
-        SceneError: there is no scene file for a robot; the message names robot and file.
+        SceneError: The file for all robots cannot be used, or no robot has one that can.
     """
-    found: dict[str, Path] = {}
+    own: dict[str, list[DatasetFile]] = {}
     for file in files:
-        if file.robot not in found:
-            found[file.robot] = _scene_file(scene, file, carried)
+        own.setdefault(file.robot, []).append(file)
+    if scene is not None and not scene.is_dir():
+        one = Scene.load(scene)
+        return RobotScenes(dict.fromkeys(own, scene.resolve()), dict.fromkeys(own, one))
+    found = RobotScenes()
+    for robot, recordings in own.items():
+        try:
+            path = _scene_file(scene, recordings, carried)
+            found.loaded[robot] = Scene.load(path)
+            found.paths[robot] = path.resolve()
+        except SceneError as error:
+            found.missing[robot] = f"robot {robot or 'unknown'}: {error}"
+    if not found.paths:
+        raise SceneError(next(iter(found.missing.values())))
     return found
 
 
-def _scene_file(scene: Path | None, file: DatasetFile, carried: Path) -> Path:
-    if scene is not None and not scene.is_dir():
-        return scene.resolve()
+def _scene_file(scene: Path | None, recordings: list[DatasetFile], carried: Path) -> Path:
+    """The scene file of the robot of these recordings; raises a SceneError if there is none."""
+    first = recordings[0]
+    name = f"{first.robot or 'unknown'}.yaml"
     if scene is not None:
-        path = scene / f"{file.robot or 'unknown'}.yaml"
+        path, reason = scene / name, ""
     else:
-        folder = f"robot={file.robot}"
-        path = next((up for up in file.path.parents if up.name == folder), file.path.parent) / OWN_SCENE
-    carries = ""
-    if not path.is_file() and scene is None:
-        try:
-            text = scene_text(scene_in(file.path))
-            path = carried / f"{file.robot or 'unknown'}.yaml"
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(text, encoding="utf-8")
-        except RecordingError as error:
-            carries = f"; {error}"
+        folder = f"robot={first.robot}"
+        path = next((up for up in first.path.parents if up.name == folder), first.path.parent) / OWN_SCENE
+        if not path.is_file():
+            text, reason = _carried_scene(recordings)
+            if text is not None:
+                path = carried / name
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_text(text, encoding="utf-8")
     if not path.is_file():
         raise SceneError(
-            f"robot {file.robot or 'unknown'}: expected a scene file {path}, found none; --scene names a "
-            f"file for all robots, or a folder with NAME.yaml for each{carries}"
+            f"expected a scene file {path}, found none; --scene names a file for all robots, or a folder "
+            f"with NAME.yaml for each{reason}"
         )
-    return path.resolve()
+    return path
+
+
+def _carried_scene(recordings: list[DatasetFile]) -> tuple[str | None, str]:
+    """The scene in the first of these recordings that carries one; None, and the reason of the first one, if
+    there is none."""
+    reason = ""
+    for file in recordings:
+        try:
+            return scene_text(scene_in(file.path)), ""
+        except RecordingError as error:
+            reason = reason or f"; {named_within(str(error), file.path, file.name)}"
+    return None, reason

@@ -260,6 +260,6 @@ def day_rows(robot: RobotSummary) -> list[dict[str, Any]]:
     ]
 
 
-def settings_of(scene: Path) -> str:
-    """The scene as it is read: what the results depend on in addition to the recordings."""
-    return json.dumps(Scene.load(scene).model_dump(mode="json"), sort_keys=True)
+def settings_of(scene: Scene) -> str:
+    """The scene as text: what the results depend on in addition to the recordings."""
+    return json.dumps(scene.model_dump(mode="json"), sort_keys=True)

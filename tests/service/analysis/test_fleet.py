@@ -3,6 +3,7 @@ begun."""
 
 import json
 import os
+import re
 import signal
 import time
 from dataclasses import replace
@@ -25,7 +26,7 @@ from contactsense.benchmarks.fleet.dataset import (
 from contactsense.scene import Scene, SceneError
 from contactsense.service.analysis.fleet.report import _text, write_fleet_report
 from contactsense.service.analysis.fleet.run import analyze_fleet
-from contactsense.service.analysis.fleet.scenes import scene_files
+from contactsense.service.analysis.fleet.scenes import robot_scenes
 from contactsense.service.analysis.fleet.segments import find_recordings, segments
 from contactsense.service.analysis.fleet.summary import RobotSummary
 from contactsense.service.analysis.fleet.worker_pool import WorkerPoolError, run_tasks
@@ -331,19 +332,69 @@ def test_what_the_recorder_wrote_is_a_dataset(tmp_path: Path) -> None:
 def test_each_robot_may_have_its_own_scene(tmp_path: Path, scene: Path) -> None:
     data = _dataset(tmp_path / "data")
     files = find_recordings((data,))
-    assert scene_files(scene, files, tmp_path) == {"a": scene.resolve(), "b": scene.resolve()}
+    assert robot_scenes(scene, files, tmp_path).paths == {"a": scene.resolve(), "b": scene.resolve()}
     with pytest.raises(
         SceneError, match=r"robot a: expected a scene file .*robot=a/scene.yaml, .* carries no scene"
     ):
-        scene_files(None, files, tmp_path)
+        robot_scenes(None, files, tmp_path)
     for robot in "ab":
         (data / f"robot={robot}" / "scene.yaml").write_text("robot: ur5e\n")
-    assert scene_files(None, files, tmp_path)["b"] == data / "robot=b" / "scene.yaml"
+    assert robot_scenes(None, files, tmp_path).paths["b"] == data / "robot=b" / "scene.yaml"
     folder = tmp_path / "scenes"
     folder.mkdir()
     (folder / "a.yaml").write_text("robot: ur5e\n")
-    with pytest.raises(SceneError, match=r"robot b: expected a scene file .*b.yaml"):
-        scene_files(folder, files, tmp_path)
+    found = robot_scenes(folder, files, tmp_path)
+    assert found.paths == {"a": (folder / "a.yaml").resolve()}
+    assert re.match(r"robot b: expected a scene file .*b.yaml", found.missing["b"])
+
+
+def _carrying(folder: Path, robot: str, *scenes: Scene | None) -> None:
+    """Recordings of a robot that carry these scenes; None: a broken file."""
+    here = folder / f"robot={robot}"
+    here.mkdir(parents=True)
+    for i, scene in enumerate(scenes):
+        path = here / f"{i}.parquet"
+        write_motion(demo(), path, last=2300)
+        if scene is None:
+            path.write_bytes(b"broken")
+        else:
+            table = pa_parquet.read_table(path)
+            pa_parquet.write_table(table.replace_schema_metadata(metadata(scene)), path)
+
+
+def test_one_broken_file_or_one_robot_without_a_scene_does_not_end_the_analysis(tmp_path: Path) -> None:
+    data, out = tmp_path / "data", tmp_path / "out"
+    _carrying(data, "a", None, Scene(robot="ur5e", clear=0.9))
+    _carrying(data, "b", None, None)
+    (data / "robot=c").mkdir()
+    write_motion(demo(), data / "robot=c" / "0.parquet", last=2300)
+    (data / "robot=c" / "scene.yaml").write_text("robot: ur5f\n")
+    result = CliRunner().invoke(analyze, [str(data), "--out", str(out), "--json"])
+    assert result.exit_code == 1
+    found = json.loads(result.stdout)
+    assert found["contacts"] == 1
+    assert next(robot["recordings"] for robot in found["robots"] if robot["robot"] == "a") == 1
+    assert "recordings that were skipped: 4" in result.stderr
+    without, wrong, broken = found["problems"]
+    assert without.startswith("robot b: expected a scene file")
+    assert without.endswith("2 recordings were skipped")
+    assert wrong.startswith("robot c: ")
+    assert "ur5f" in wrong
+    assert broken.startswith("robot=a/0.parquet: cannot read the recording")
+
+
+def test_a_folder_of_scenes_may_lack_one(tmp_path: Path) -> None:
+    data, scenes = tmp_path / "data", tmp_path / "scenes"
+    for robot in "ab":
+        _carrying(data, robot, Scene(robot="ur5e"))
+    scenes.mkdir()
+    (scenes / "b.yaml").write_text("robot: ur5e\n")
+    arguments = [str(data), "--scene", str(scenes), "--out", str(tmp_path / "out")]
+    result = CliRunner().invoke(analyze, arguments)
+    assert result.exit_code == 1
+    assert "robot a: expected a scene file" in result.stderr
+    assert "recordings that were skipped: 1" in result.stderr
+    assert "| b | 1 |" in result.stdout
 
 
 @pytest.mark.long
