@@ -63,7 +63,12 @@ _COLUMNS = (
 @click.option(
     "--scheduler", help="Analyse as a dataset on the Dask cluster at this address, tcp://HOST:PORT."
 )
-@click.option("--json", "as_json", is_flag=True, help="Print the contacts for a program.")
+@click.option(
+    "--json",
+    "as_json",
+    is_flag=True,
+    help="Print the contacts for a program; of a dataset the robots, as in robots.parquet.",
+)
 def analyze(
     files: tuple[Path, ...],
     scene_path: Path | None,

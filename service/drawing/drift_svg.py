@@ -59,7 +59,7 @@ def drift_chart(dates: Sequence[str], values: np.ndarray, names: Sequence[str], 
             f'<text x="{WIDTH - RIGHT + 20}" y="{TOP + 12 + 15 * j}">{escape(name)}</text>'
         )
     for i, anchor in ((0, "start"), (len(dates) - 1, "end")) if len(dates) > 1 else ((0, "start"),):
-        day = escape(dates[i] or "no date")
+        day = escape(dates[i])
         parts.append(f'<text x="{x_at(i):.1f}" y="{HEIGHT - 6}" text-anchor="{anchor}">{day}</text>')
     parts.append(
         f'<text x="12" y="{TOP + depth / 2:.0f}" text-anchor="middle" '

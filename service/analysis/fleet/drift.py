@@ -9,13 +9,15 @@ from typing import Any
 import numpy as np
 from scipy.stats import theilslopes
 
+from contactsense.service.analysis.fleet.segments import UNKNOWN
+
 
 @dataclass(frozen=True, eq=False)
 class Daily:
     """Values of a robot by day, D days, K quantities; NaN on days without a value."""
 
     dates: tuple[str, ...]
-    """The days, in order; empty if the dataset has no dates."""
+    """The days, in order; `UNKNOWN` is the last one."""
     values: np.ndarray
     """Shape (D, K)."""
 
@@ -24,12 +26,22 @@ class Daily:
         """Change of each quantity from the first day to the last, along the line through the medians of all
         slopes (Theil and Sen); with fewer than three days, the difference. NaN if unknown, shape (K,).
         """
-        t = _days(self.dates)
-        return np.array([_drift(t, column) for column in self.values.T])
+        dated = self.dated
+        t = _days(dated.dates)
+        return np.array([_drift(t, column) for column in dated.values.T])
+
+    @property
+    def dated(self) -> "Daily":
+        """Without the recordings of which the date is not known: they are before or after any other."""
+        known = [i for i, day in enumerate(self.dates) if day != UNKNOWN]
+        return Daily(tuple(self.dates[i] for i in known), self.values[known])
 
 
 def daily_mean(
-    dates: Sequence[str], values: Sequence[Sequence[float | None]], std: Sequence[Sequence[float | None]]
+    dates: Sequence[str],
+    values: Sequence[Sequence[float | None]],
+    std: Sequence[Sequence[float | None]],
+    count: int = 0,
 ) -> Daily:
     """Mean of each day, weighted by the inverse variance; None is ignored.
 
@@ -37,21 +49,22 @@ def daily_mean(
         dates: Date of each segment.
         values: K values of each segment.
         std: Their standard deviations.
+        count: K, for a robot without any segment.
     """
-    weight = 1.0 / np.maximum(_floats(std), 1e-9) ** 2
-    return _by_day(dates, _floats(values), weight)
+    weight = 1.0 / np.maximum(_floats(std, count), 1e-9) ** 2
+    return _by_day(dates, _floats(values, count), weight)
 
 
-def daily_median(dates: Sequence[str], values: Sequence[Sequence[float | None]]) -> Daily:
-    """Median of each day."""
-    return _by_day(dates, _floats(values), None)
+def daily_median(dates: Sequence[str], values: Sequence[Sequence[float | None]], count: int = 0) -> Daily:
+    """Median of each day, with the arguments of `daily_mean`."""
+    return _by_day(dates, _floats(values, count), None)
 
 
 def _by_day(dates: Sequence[str], values: np.ndarray, weight: np.ndarray | None) -> Daily:
     rows: dict[str, list[int]] = defaultdict(list)
     for i, day in enumerate(dates):
         rows[day].append(i)
-    days = sorted(rows)
+    days = sorted(rows, key=lambda day: (day == UNKNOWN, day))
     found = np.full((len(days), values.shape[1]), np.nan)
     for i, day in enumerate(days):
         for k in range(values.shape[1]):
@@ -66,7 +79,9 @@ def _by_day(dates: Sequence[str], values: np.ndarray, weight: np.ndarray | None)
     return Daily(tuple(days), found)
 
 
-def _floats(rows: Sequence[Sequence[Any]]) -> np.ndarray:
+def _floats(rows: Sequence[Sequence[Any]], count: int) -> np.ndarray:
+    if not rows:
+        return np.empty((0, count))
     return np.array([[np.nan if x is None else float(x) for x in row] for row in rows])
 
 

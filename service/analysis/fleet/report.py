@@ -10,6 +10,7 @@ import numpy as np
 
 from contactsense.scene import Scene
 from contactsense.service.analysis.assumptions import assumptions
+from contactsense.service.analysis.fleet.segments import UNKNOWN
 from contactsense.service.analysis.fleet.summary import FleetSummary, RobotSummary, robot_row
 from contactsense.service.analysis.health import UNJUDGED
 from contactsense.service.analysis.report import render
@@ -56,7 +57,7 @@ def _content(summary: FleetSummary) -> dict[str, Any]:
     problems = [*(f"{name}: {UNJUDGED}" for name in summary.unjudged), *summary.problems]
     return {
         "summary": summary,
-        "days": len(set(table["date"].to_pylist()) | {d for r in summary.robots for d in r.dates}),
+        "when": _when({day for robot in summary.robots for day in robot.dates}),
         "recordings": sum(robot.recordings for robot in summary.robots),
         "hours": f"{hours:.2f}",
         "rate": _rate(table.num_rows, hours),
@@ -98,9 +99,20 @@ def _groups(summary: FleetSummary) -> list[tuple[str, list[RobotSummary]]]:
 
 
 def _members(robots: list[RobotSummary]) -> str:
-    names = [robot.robot or "unknown" for robot in robots]
+    names = [robot.robot for robot in robots]
     more = f" and {len(names) - 12} more" if len(names) > 12 else ""
     return ", ".join(names[:12]) + more
+
+
+def _when(dates: set[str]) -> str:
+    """The days of the recordings, in words that follow their number."""
+    days = len(dates - {UNKNOWN})
+    known = f" on {days} day{'' if days == 1 else 's'}" if days else ""
+    return known + (f"{' and' if days else ''} of unknown date" if UNKNOWN in dates else "")
+
+
+def _percent(share: float | None) -> str:
+    return "unknown" if share is None else f"{100.0 * share:.1f} %"
 
 
 def _rate(count: int, hours: float) -> str:
@@ -115,13 +127,13 @@ def _robot(robot: RobotSummary) -> dict[str, Any]:
     coulomb = _largest(row["coulomb_drift"])
     worst = "" if coulomb is None else f", {joints[row['coulomb_drift'].index(coulomb)]}"
     return {
-        "robot": row["robot"] or "unknown",
+        "robot": row["robot"],
         "recordings": row["recordings"],
         "hours": f"{row['hours']:.2f}",
         "contacts": row["contacts"],
         "rate": _rate(row["contacts"], row["hours"]),
-        "touched": f"{100.0 * row['touched']:.1f} %",
-        "degraded": f"{100.0 * row['degraded']:.1f} %",
+        "touched": _percent(row["touched"]),
+        "degraded": _percent(row["degraded"]),
         "base_drift": f"{_text(base, 'N')}, {_text(moment, 'Nm', 3)}",
         "joint_drift": _text(joint, "Nm"),
         "friction_drift": _text(coulomb, "Nm") + worst,
@@ -143,11 +155,10 @@ def _charts(summary: FleetSummary) -> list[tuple[str, str, str]]:
     """Name, friction chart and joint-bias chart of the robots that drift most."""
     charts = []
     for robot in summary.robots:
-        coulomb, _ = robot.friction_by_day()
-        _, bias = robot.bias_by_day()
+        coulomb, bias = robot.friction_by_day()[0].dated, robot.bias_by_day()[1].dated
         if len(bias.dates) < 2:
             continue
-        name = robot.robot or "unknown"
+        name = robot.robot
         joints = _joint_names(robot.scene)
         largest = max([0.0, *np.abs(coulomb.drift[np.isfinite(coulomb.drift)])])
         friction = drift_chart(

@@ -52,7 +52,7 @@ def robot_scenes(scene: Path | None, files: Iterable[DatasetFile], carried: Path
             found.loaded[robot] = Scene.load(path)
             found.paths[robot] = path.resolve()
         except SceneError as error:
-            found.missing[robot] = f"robot {robot or 'unknown'}: {error}"
+            found.missing[robot] = f"robot {robot}: {error}"
     if not found.paths:
         raise SceneError(next(iter(found.missing.values())))
     return found
@@ -61,7 +61,7 @@ def robot_scenes(scene: Path | None, files: Iterable[DatasetFile], carried: Path
 def _scene_file(scene: Path | None, recordings: list[DatasetFile], carried: Path) -> Path:
     """The scene file of the robot of these recordings; raises a SceneError if there is none."""
     first = recordings[0]
-    name = f"{first.robot or 'unknown'}.yaml"
+    name = f"{first.robot}.yaml"
     if scene is not None:
         path, reason = scene / name, ""
     else:

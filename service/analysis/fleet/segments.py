@@ -26,6 +26,8 @@ WARM_UP = 60.0
 """Time before a segment at which reading starts [s]: six times the memory of the bias filter."""
 REACH = 3600.0
 """A contact that is active where reading starts is followed back over at most this time [s]."""
+UNKNOWN = "unknown"
+"""Robot and date of a recording that is in no folder which names them."""
 SUFFIXES = (".parquet", ".csv", ".csv.gz", ".mcap", ".db3", ".arrows", ".arrow", ".feather")
 RESULTS = ("contacts", "parts", "robots.parquet", "days.parquet")
 """Tables in the folder of the results."""
@@ -40,9 +42,9 @@ class DatasetFile:
     name: str
     """Its path within the dataset."""
     robot: str
-    """Name of the robot, from a folder `robot=NAME`; empty without one."""
+    """Name of the robot, from a folder `robot=NAME`; `UNKNOWN` without one."""
     date: str
-    """Date, from a folder `date=YYYY-MM-DD`; empty without one."""
+    """Date, from a folder `date=YYYY-MM-DD`; `UNKNOWN` without one."""
 
     @property
     def key(self) -> str:
@@ -166,4 +168,5 @@ def _rows_and_rate(path: Path) -> tuple[int, float]:
 
 def _file(path: Path, name: Path) -> DatasetFile:
     keys = dict(part.split("=", 1) for part in name.parts[:-1] if "=" in part)
-    return DatasetFile(path.resolve(), name.as_posix(), keys.get("robot", ""), keys.get("date", ""))
+    robot, date = (keys.get(key) or UNKNOWN for key in ("robot", "date"))
+    return DatasetFile(path.resolve(), name.as_posix(), robot, date)

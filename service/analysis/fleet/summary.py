@@ -26,7 +26,7 @@ class RobotSummary:
     """Summary of one robot's recordings."""
 
     robot: str
-    """Its name in the dataset; empty if the dataset names no robots."""
+    """Its name in the dataset, see `contactsense.service.analysis.fleet.segments.DatasetFile`."""
     scene: Scene
     """The scene it was analysed with."""
     recordings: int = 0
@@ -70,18 +70,22 @@ class RobotSummary:
 
     def bias_by_day(self) -> tuple[Daily, Daily]:
         """Biases of base wrench [N, Nm] and joint torques [Nm], the median of each day."""
-        constant, end = (daily_median(self.dates, rows) for rows in (self.joint_constant, self.joint_bias))
+        joints = len(self.scene.robot.joints)
+        constant, end = (
+            daily_median(self.dates, rows, joints) for rows in (self.joint_constant, self.joint_bias)
+        )
         # At the end of a segment, a bias contains some friction. For a joint that never moves, it is the only
         # value.
         known = np.isfinite(constant.values).any(axis=0)
         joint = Daily(end.dates, np.where(known, constant.values, end.values))
-        return daily_median(self.dates, self.base_bias), joint
+        return daily_median(self.dates, self.base_bias, 6), joint
 
     def friction_by_day(self) -> tuple[Daily, Daily]:
         """Coulomb [Nm] and viscous [Nm s/rad] friction beyond the scene's on each day."""
+        joints = len(self.scene.robot.joints)
         return (
-            daily_mean(self.dates, self.coulomb, self.coulomb_std),
-            daily_mean(self.dates, self.viscous, self.viscous_std),
+            daily_mean(self.dates, self.coulomb, self.coulomb_std, joints),
+            daily_mean(self.dates, self.viscous, self.viscous_std, joints),
         )
 
     @property
@@ -113,7 +117,7 @@ class FleetSummary:
     """Summary of a whole dataset."""
 
     robots: tuple[RobotSummary, ...]
-    """Each robot."""
+    """Each robot with a scene, also if none of its recordings can be read."""
     contacts: pa.Table
     """All contacts, with the additional first columns `robot` and `date`."""
     problems: tuple[str, ...]
@@ -151,7 +155,8 @@ def summarize(
     over: dict[str, int] = defaultdict(int)  # row at which the latest of them has ended
     judged: dict[str, bool] = {}
     for task, result in zip(tasks, results, strict=True):
-        name = result["name"]
+        name, one, day = result["name"], result["robot"], result["date"]
+        robot = robots.setdefault(one, RobotSummary(one, scenes[one]))
         if "problem" in result:
             unreadable.setdefault(name, result["problem"])
             continue
@@ -167,8 +172,7 @@ def summarize(
             table = table.add_column(i, key, pa.array([result[key]] * len(kept), pa.string()))
         tables.append(table)
         judged[name] = judged.get(name, False) or len(kept) > 0 or result["usable"] > 0
-        one, day, hours = result["robot"], result["date"], result["seconds"] / 3600.0
-        robot = robots.setdefault(one, RobotSummary(one, scenes[one]))
+        hours = result["seconds"] / 3600.0
         robot.recordings += result["index"] == 0
         robot.hours += hours
         robot.contacts += len(kept)
@@ -176,7 +180,7 @@ def summarize(
         robot.day_contacts[day] = robot.day_contacts.get(day, 0) + len(kept)
         for key in ("touched", "samples", "degraded"):
             setattr(robot, key, getattr(robot, key) + result[key])
-        robot.dates.append(result["date"])
+        robot.dates.append(day)
         robot.free.append(result["free"])
         for key in ("base_bias", "joint_bias"):
             # Without a free sample, the bias filter has learnt nothing: its value is where it began.
@@ -207,7 +211,7 @@ def write_summary(summary: FleetSummary, folder: Path) -> None:
     keys = set(zip(summary.contacts["robot"].to_pylist(), summary.contacts["date"].to_pylist(), strict=True))
     robot, date = summary.contacts["robot"].to_numpy(), summary.contacts["date"].to_numpy()
     for one, day in sorted(keys):
-        here = fresh / f"robot={one or 'unknown'}" / f"date={day or 'unknown'}"
+        here = fresh / f"robot={one}" / f"date={day}"
         here.mkdir(parents=True)
         part = summary.contacts.take(np.flatnonzero((robot == one) & (date == day)))
         write_parquet(part.drop_columns(["robot", "date"]), here / "part-0.parquet")
@@ -221,7 +225,7 @@ def write_summary(summary: FleetSummary, folder: Path) -> None:
 
 
 def robot_row(robot: RobotSummary) -> dict[str, Any]:
-    """One robot as plain numbers; drifts are the trend from its first day to its last, None if unknown."""
+    """One robot as plain numbers, None if unknown; drifts are the trend from its first day to its last."""
     base, joint = robot.bias_by_day()
     coulomb, viscous = robot.friction_by_day()
     return {
@@ -230,8 +234,8 @@ def robot_row(robot: RobotSummary) -> dict[str, Any]:
         "hours": robot.hours,
         "contacts": robot.contacts,
         "contacts_per_hour": robot.contacts_per_hour,
-        "touched": robot.touched / max(robot.samples, 1),
-        "degraded": robot.degraded / max(robot.samples, 1),
+        "touched": robot.touched / robot.samples if robot.samples else None,
+        "degraded": robot.degraded / robot.samples if robot.samples else None,
         "base_bias_drift": without_nan(base.drift),
         "joint_bias_drift": without_nan(joint.drift),
         "coulomb_drift": without_nan(coulomb.drift),

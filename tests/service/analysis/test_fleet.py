@@ -24,7 +24,7 @@ from contactsense.benchmarks.fleet.dataset import (
     write_scenes,
 )
 from contactsense.scene import Scene, SceneError
-from contactsense.service.analysis.fleet.report import _text, write_fleet_report
+from contactsense.service.analysis.fleet.report import _text, _when, write_fleet_report
 from contactsense.service.analysis.fleet.run import analyze_fleet
 from contactsense.service.analysis.fleet.scenes import robot_scenes
 from contactsense.service.analysis.fleet.segments import find_recordings, segments
@@ -303,6 +303,51 @@ def test_a_robot_without_a_usable_sample_is_unknown(tmp_path: Path, scene: Path)
         assert "one.parquet: no sample could be used" in text
     row = pa_parquet.read_table(out / "robots.parquet").to_pylist()[1]
     assert row["needs_calibration"] is None
+
+
+def test_a_robot_whose_files_are_broken_is_listed(tmp_path: Path, scene: Path) -> None:
+    data, out = tmp_path / "data", tmp_path / "out"
+    _carrying(data, "a", Scene(robot="ur5e"))
+    _carrying(data, "b", None)
+    arguments = [str(data), "--scene", str(scene), "--out", str(out), "--json"]
+    result = CliRunner().invoke(analyze, arguments)
+    assert result.exit_code == 1
+    _, bad = json.loads(result.stdout)["robots"]
+    assert (bad["robot"], bad["recordings"], bad["hours"], bad["touched"]) == ("b", 0, 0.0, None)
+    assert bad["needs_calibration"] is bad["contacts_per_hour"] is None
+    assert bad["coulomb_drift"] == [None] * 6
+    written = pa_parquet.read_table(out / "robots.parquet")
+    assert written["robot"].to_pylist() == ["a", "b"]
+    assert written.schema.field("touched").type == pa.float64()
+    text = (out / "fleet.md").read_text()
+    assert "2 robots, 1 recording of unknown date, " in text
+    assert "| b | 0 | 0.00 | 0 | unknown | unknown | unknown |" in text
+
+
+def test_a_robot_without_a_name_has_the_same_one_everywhere(tmp_path: Path, scene: Path) -> None:
+    path = write_motion(demo(), tmp_path / "one.parquet", last=2300)
+    out = tmp_path / "out"
+    arguments = [str(path), "--scene", str(scene), "--out", str(out), "--workers", "1", "--json"]
+    result = CliRunner().invoke(analyze, arguments)
+    assert result.exit_code == 0, result.output
+    assert [robot["robot"] for robot in json.loads(result.stdout)["robots"]] == ["unknown"]
+    for name in ("contacts", "robots.parquet", "days.parquet"):
+        table = pa_parquet.read_table(out / name)
+        assert set(table["robot"].to_pylist()) == {"unknown"}
+        assert "date" not in table.column_names or set(table["date"].to_pylist()) == {"unknown"}
+
+
+@pytest.mark.parametrize(
+    ("dates", "words"),
+    [
+        ({"2026-01-01"}, " on 1 day"),
+        ({"2026-01-01", "2026-01-02", "unknown"}, " on 2 days and of unknown date"),
+        ({"unknown"}, " of unknown date"),
+        (set(), ""),
+    ],
+)
+def test_an_unknown_date_is_no_day(dates: set[str], words: str) -> None:
+    assert _when(dates) == words
 
 
 def test_segments_without_a_usable_sample_do_not_lower_the_residual() -> None:

@@ -31,6 +31,12 @@ def test_a_day_weighs_its_segments_by_their_variance_and_leaves_out_what_is_not_
     np.testing.assert_allclose(daily.drift, [3.6, np.nan])
 
 
+def test_a_recording_without_a_date_is_on_no_day() -> None:
+    daily = daily_median(["unknown", "2026-01-01", "2026-01-31"], [[9.0], [1.0], [2.0]])
+    assert daily.dates == ("2026-01-01", "2026-01-31", "unknown")
+    np.testing.assert_allclose(daily.drift, [1.0])
+
+
 def test_the_chart_shows_each_joint_and_zero() -> None:
     values = np.array([[0.5, -0.2], [np.nan, -0.1], [0.7, 0.1]])
     chart = drift_chart(["2026-01-01", "", "2026-01-03"], values, ["elbow", "<wrist>"], "Nm", "friction")
