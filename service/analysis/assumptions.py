@@ -14,7 +14,8 @@ def assumptions(scene: Scene) -> list[str]:
     base, torque = scene.base_wrench, scene.joint_torque
     if base is None:
         found.append(
-            "No sensor under the base: places are known only as far as joint torques determine them."
+            "No sensor under the base: places and forces are known only as far as the other sensors "
+            "determine them."
         )
     else:
         found.append(

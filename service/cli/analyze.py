@@ -19,6 +19,7 @@ from contactsense.service.analysis.contact_table import contact_rows, write_cont
 from contactsense.service.analysis.force_limits import DISCLAIMER
 from contactsense.service.analysis.health import UNJUDGED, health, warning
 from contactsense.service.analysis.report import write_report
+from contactsense.service.analysis.undetermined_forces import undetermined_forces
 from contactsense.service.recordings import (
     ColumnMapping,
     MappingError,
@@ -191,6 +192,7 @@ def _as_plain(found: Analysis) -> dict[str, Any]:
         "warning": warning(found),
         "health": [{"ok": well, "text": text} for well, text in health(found)],
         "contacts": contact_rows(found.contacts),
+        "undetermined_forces": undetermined_forces(found.scene),
         "limits": None if found.limits is None else _exceeded(found, found.limits),
     }
 
@@ -236,6 +238,9 @@ def _print(found: Analysis, folder: Path) -> None:
     if found.limits is not None:
         for line in _compared(found, found.limits):
             console.print(line, markup=False, highlight=False, soft_wrap=True)
+    undetermined = undetermined_forces(found.scene)
+    if undetermined and found.judged:
+        console.print(f"forces: {undetermined}", markup=False, highlight=False, soft_wrap=True)
     for well, text in health(found):
         if not well and text != found.doubt:  # the warning above says it
             console.print(f"check: {text}", soft_wrap=True)
@@ -259,4 +264,6 @@ def _compared(found: Analysis, limits: ForceLimits) -> Iterator[str]:
             within = False
     if within and found.judged:
         yield "above your limits: none"
+    if undetermined_forces(found.scene):
+        yield "a contact that is above no limit may have been above one: see forces below"
     yield f"limits from: {limits.provenance}. {DISCLAIMER}"
