@@ -16,6 +16,7 @@ from contactsense import Localizer
 from contactsense.robots.tool import Tool
 from contactsense.scene import Scene
 from contactsense.sensors.settings import Friction, JointTorqueSensor, LinkInertia, WrenchSensor
+from contactsense.service.analysis.contact_columns import columns_in_markdown
 from contactsense.service.cli.main import cli
 from contactsense.service.scene.page import scene_page
 from contactsense.service.scene.summary import scene_warnings
@@ -158,6 +159,13 @@ def test_the_scene_page_names_every_field(model: type[BaseModel]) -> None:
 
 def test_the_scene_page_is_what_the_code_says() -> None:
     assert scene_page() == SCENE, "python -m contactsense.service.scene.page > docs/scene.md"
+
+
+def test_the_columns_of_contacts_are_those_of_the_code() -> None:
+    page = (ROOT / "docs" / "analysis.md").read_text(encoding="utf-8")
+    assert f"\n\n{columns_in_markdown()}\n\n" in page, (
+        "python -m contactsense.service.analysis.contact_columns prints the table of docs/analysis.md"
+    )
 
 
 def _rows(page: str) -> dict[str, list[str]]:

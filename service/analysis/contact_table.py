@@ -8,44 +8,12 @@ import pyarrow as pa
 import pyarrow.csv as pa_csv
 
 from contactsense.robots.whole_file import whole_file
+from contactsense.service.analysis.contact_columns import AXES, PAIRS, contact_schema
 from contactsense.service.analysis.contact_summary import ContactSummary
 from contactsense.service.recordings.parquet_files import write_parquet
 
-_AXES = ("x", "y", "z")
-_PAIRS = (("xx", 0, 0), ("xy", 0, 1), ("xz", 0, 2), ("yy", 1, 1), ("yz", 1, 2), ("zz", 2, 2))
-SCHEMA = pa.schema(
-    [
-        ("recording", pa.string()),
-        ("row", pa.int64()),
-        ("row_end", pa.int64()),
-        ("contact", pa.int64()),
-        ("begin", pa.float64()),
-        ("duration", pa.float64()),
-        ("complete", pa.bool_()),
-        ("link", pa.string()),
-        ("link_index", pa.int64()),
-        ("probability", pa.float64()),
-        ("link_probability", pa.list_(pa.float64())),
-        *[(f"point_{a}", pa.float64()) for a in _AXES],
-        *[(f"point_base_{a}", pa.float64()) for a in _AXES],
-        *[(f"normal_base_{a}", pa.float64()) for a in _AXES],
-        *[(f"covariance_{name}", pa.float64()) for name, _, _ in _PAIRS],
-        *[(f"force_base_{a}", pa.float64()) for a in _AXES],
-        ("peak_force", pa.float64()),
-        ("peak_time", pa.float64()),
-        ("transient_force", pa.float64()),
-        ("quasi_static_force", pa.float64()),
-        ("impulse", pa.float64()),
-        ("torsion", pa.float64()),
-        ("speed", pa.float64()),
-        ("slides", pa.bool_()),
-        ("energy", pa.float64()),
-        ("q", pa.list_(pa.float64())),
-        ("smoothed", pa.bool_()),
-    ]
-)
-"""Columns of the table of contacts; units and frames as in
-`contactsense.service.analysis.contact_summary.ContactSummary`."""
+SCHEMA = contact_schema()
+"""Columns of the table of contacts, see `contactsense.service.analysis.contact_columns`."""
 
 
 def contact_rows(contacts: Iterable[ContactSummary]) -> list[dict[str, Any]]:
@@ -79,8 +47,8 @@ def _row(contact: ContactSummary) -> dict[str, object]:
     )  # fmt: skip
     row: dict[str, object] = {name: getattr(contact, name) for name in plain}
     for name in ("point", "point_base", "normal_base", "force_base"):
-        row |= {f"{name}_{a}": float(x) for a, x in zip(_AXES, getattr(contact, name), strict=True)}
-    row |= {f"covariance_{name}": float(contact.covariance[i, k]) for name, i, k in _PAIRS}
+        row |= {f"{name}_{a}": float(x) for a, x in zip(AXES, getattr(contact, name), strict=True)}
+    row |= {f"covariance_{name}": float(contact.covariance[i, k]) for name, i, k in PAIRS}
     row["link_probability"] = contact.link_probability.tolist()
     row["q"] = contact.q.tolist()
     return row

@@ -136,7 +136,7 @@ def _analyze(file: RecordingFile, segment: Segment, run: AnalysisRun) -> tuple[d
     }
     table = contact_table(contacts)
     names = pa.array([segment.file.name] * table.num_rows, pa.string())
-    return result, table.set_column(0, "recording", names)
+    return result, table.set_column(0, table.schema.field(0), names)
 
 
 def _without_gaps(step: np.ndarray) -> float:

@@ -167,7 +167,8 @@ def summarize(
         table = table.take(kept)
         numbers = pa.array(np.arange(len(kept)) + seen[name] + 1, pa.int64())
         seen[name] += len(kept)
-        table = table.set_column(table.schema.get_field_index("contact"), "contact", numbers)
+        at = table.schema.get_field_index("contact")
+        table = table.set_column(at, table.schema.field(at), numbers)
         for i, key in enumerate(("robot", "date")):
             table = table.add_column(i, key, pa.array([result[key]] * len(kept), pa.string()))
         tables.append(table)
