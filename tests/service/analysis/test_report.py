@@ -208,6 +208,18 @@ def test_the_report_needs_nothing_from_elsewhere(folder: Path) -> None:
     assert "no conformity test" in text
 
 
+def test_numbers_are_on_the_right_and_names_on_the_left(folder: Path) -> None:
+    """The third column of each table was on the left, also that of the transient limits."""
+    text = (folder / "out" / "report.html").read_text()
+    style = text[: text.index("</style>")]
+    assert "nth-child" not in style
+    assert ".text { text-align: left" in style
+    assert re.findall(r'<th class="text">(\w+)', text) == ["link", "region"]
+    names = re.findall(r'<td class="text">(?:<i [^>]*></i>)?([^<]*)', text)
+    assert names == ["forearm", "upper_arm", "wrist_1", "hand"]
+    assert "<td>900</td>" in text
+
+
 def test_every_contact_has_its_drawing(folder: Path) -> None:
     text = (folder / "out" / "report.html").read_text()
     data = json.loads(re.search(r'<script id="data"[^>]*>(.*?)</script>', text, re.DOTALL).group(1))  # type: ignore[union-attr]
