@@ -34,6 +34,7 @@ class ArrowTable:
         self, names: list[str], first: int = 0, last: int | None = None
     ) -> Iterator[tuple[int, Columns]]:
         """As `TableFile.batches`."""
+        self.problems.clear()
         row = 0
         with pa.OSFile(str(self._path)) as source, self._open(source) as opened:
             parts = map(opened.get_batch, range(opened.num_record_batches)) if self._indexed else opened

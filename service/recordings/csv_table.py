@@ -159,6 +159,7 @@ class CsvTable:
         self, names: list[str], first: int = 0, last: int | None = None
     ) -> Iterator[tuple[int, Columns]]:
         """As `TableFile.batches`."""
+        self.problems.clear()
         done = 0
         try:
             for row, columns in self._typed(names, pa.float64()):

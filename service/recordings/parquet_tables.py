@@ -42,6 +42,7 @@ class ParquetTable:
         self, names: list[str], first: int = 0, last: int | None = None
     ) -> Iterator[tuple[int, Columns]]:
         """As `TableFile.batches`."""
+        self.problems.clear()
         row, groups = self._groups(first, last)
         source = self._file.iter_batches(columns=names, batch_size=65536, row_groups=groups)
         while True:
@@ -103,6 +104,7 @@ class ParquetFolder:
         self, names: list[str], first: int = 0, last: int | None = None
     ) -> Iterator[tuple[int, Columns]]:
         """As `TableFile.batches`."""
+        self.problems.clear()
         row = 0
         for part in self._parts:
             begin = row

@@ -27,7 +27,7 @@ class TableFile(Protocol):
     meta: dict[str, str]
     """Metadata of the file."""
     problems: list[Problem]
-    """Problems found so far while reading."""
+    """Problems of the file, those found so far in its latest reading included."""
     rows: int | None
     """Number of rows, if it is known before the whole file is read."""
 

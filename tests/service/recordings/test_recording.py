@@ -178,6 +178,20 @@ def test_files_that_are_cut_short_give_what_they_hold(
     np.testing.assert_allclose(recording.t[:-1], expected[:-1], atol=1e-6)
 
 
+@pytest.mark.parametrize("write", [as_gzip, as_arrow, as_csv])
+def test_what_is_wrong_with_a_file_is_said_once_however_often_it_is_read(
+    tmp_path: Path, write: Callable[[Path, dict[str, np.ndarray]], Path]
+) -> None:
+    """Its end counted again with each reading, as when `analyze` first looks for sensors without readings."""
+    path = write(tmp_path, columns(400))
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(0.7 * len(whole))])
+    file = RecordingFile(path, SCENE)
+    once = file.read().problems
+    assert once
+    assert file.read().problems == once
+
+
 @pytest.mark.parametrize("size", [37, 10_000])
 def test_a_sensor_whose_values_are_held_is_named(tmp_path: Path, size: int) -> None:
     n = 200
