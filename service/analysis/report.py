@@ -11,6 +11,7 @@ import numpy as np
 from markupsafe import Markup
 
 from contactsense.detection.thresholds import sensor_set, stream_thresholds, threshold_index
+from contactsense.robots.whole_file import write_text
 from contactsense.scene import Scene
 from contactsense.service.analysis.analysis import Analysis
 from contactsense.service.analysis.assumptions import assumptions
@@ -48,14 +49,14 @@ _templates.filters["code"] = _code
 
 
 def write_report(analysis: Analysis, folder: Path) -> None:
-    """Write `report.html` and `report.md` into a folder.
+    """Write `report.html` and `report.md` into a folder, each whole or not at all.
 
     Raises:
         OSError: a file cannot be written.
     """
     content = _content(analysis)
-    (folder / "report.html").write_text(render("report.html.j2", content), encoding="utf-8")
-    (folder / "report.md").write_text(render("report.md.j2", content), encoding="utf-8")
+    write_text(folder / "report.html", render("report.html.j2", content))
+    write_text(folder / "report.md", render("report.md.j2", content))
 
 
 def render(template: str, content: dict[str, Any]) -> str:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from contactsense.robots.whole_file import write_text
 from contactsense.scene import Scene
 from contactsense.service.analysis.assumptions import assumptions
 from contactsense.service.analysis.fleet.segments import UNKNOWN
@@ -32,10 +33,14 @@ DOT_FORCES = (1.0, 100.0)
 
 
 def write_fleet_report(summary: FleetSummary, folder: Path) -> None:
-    """Write `fleet.html` and `fleet.md` into a folder."""
+    """Write `fleet.html` and `fleet.md` into a folder, each whole or not at all.
+
+    Raises:
+        OSError: a file cannot be written.
+    """
     content = _content(summary)
-    (folder / "fleet.html").write_text(render("fleet.html.j2", content), encoding="utf-8")
-    (folder / "fleet.md").write_text(render("fleet.md.j2", content), encoding="utf-8")
+    write_text(folder / "fleet.html", render("fleet.html.j2", content))
+    write_text(folder / "fleet.md", render("fleet.md.j2", content))
 
 
 def _content(summary: FleetSummary) -> dict[str, Any]:

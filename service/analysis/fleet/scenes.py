@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from contactsense.robots.whole_file import write_text
 from contactsense.scene import Scene, SceneError
 from contactsense.service.analysis.fleet.named_within import named_within
 from contactsense.service.analysis.fleet.segments import DatasetFile
@@ -72,7 +73,7 @@ def _scene_file(scene: Path | None, recordings: list[DatasetFile], carried: Path
             if text is not None:
                 path = carried / name
                 path.parent.mkdir(parents=True, exist_ok=True)
-                path.write_text(text, encoding="utf-8")
+                write_text(path, text)
     if not path.is_file():
         raise SceneError(
             f"expected a scene file {path}, found none; --scene names a file for all robots, or a folder "

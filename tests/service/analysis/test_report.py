@@ -1,5 +1,6 @@
 """The report: everything in one file, and the same numbers in all forms."""
 
+import errno
 import json
 import re
 from dataclasses import replace
@@ -17,6 +18,9 @@ from contactsense.sensors.settings import LinkWrenchSensor
 from contactsense.service.analysis import Analysis
 from contactsense.service.analysis import analyze as run_analysis
 from contactsense.service.analysis.contact_summary import millimetres
+from contactsense.service.analysis.contact_table import contact_table
+from contactsense.service.analysis.fleet.report import write_fleet_report
+from contactsense.service.analysis.fleet.summary import FleetSummary
 from contactsense.service.analysis.health import warning
 from contactsense.service.analysis.report import _code
 from contactsense.service.analysis.residual_statistics import ResidualSummary
@@ -218,6 +222,31 @@ def test_numbers_are_on_the_right_and_names_on_the_left(folder: Path) -> None:
     names = re.findall(r'<td class="text">(?:<i [^>]*></i>)?([^<]*)', text)
     assert names == ["forearm", "upper_arm", "wrist_1", "hand"]
     assert "<td>900</td>" in text
+
+
+def test_a_full_disk_leaves_the_reports_of_before(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_motion(demo(), tmp_path / "a.parquet", last=500)
+    arguments = [str(tmp_path / "a.parquet"), "--scene", str(folder / "scene.yaml"), "--out", str(tmp_path)]
+    assert CliRunner().invoke(analyze, arguments).exit_code == 0
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    write = Path.write_text
+
+    def full(path: Path, text: str, **how: str) -> None:
+        write(path, text[: len(text) // 2], **how)
+        raise OSError(errno.ENOSPC, "No space left on device", str(path))
+
+    monkeypatch.setattr(Path, "write_text", full)
+    result = CliRunner().invoke(analyze, arguments)
+    assert result.exit_code == 1
+    assert "report.html: cannot write: No space left on device" in result.stderr
+    for name in ("report.html", "report.md"):
+        assert (tmp_path / name).read_bytes() == before[name]
+    assert {path.name for path in tmp_path.iterdir()} == set(before)
+    with pytest.raises(OSError, match=r"fleet\.html"):
+        write_fleet_report(FleetSummary((), contact_table([]), (), 0), tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == set(before)
 
 
 def test_every_contact_has_its_drawing(folder: Path) -> None:
