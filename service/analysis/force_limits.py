@@ -66,6 +66,16 @@ class ForceLimits(BaseModel):
         except ValidationError as error:
             raise LimitsError(f"{path}: {describe(error, cls)}") from None
 
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What in the limits is likely to be a mistake, one sentence for each region."""
+        return tuple(
+            f"Limits of {region.name}: the transient one, {region.transient:g} N, is below the quasi-static "
+            f"one, {region.quasi_static:g} N: are they in each other's place?"
+            for region in self.regions
+            if region.transient < region.quasi_static
+        )
+
     def exceeded(self, contact: ContactSummary) -> list[str]:
         """Regions whose limits the contact exceeds, one phrase each."""
         found = []

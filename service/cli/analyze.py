@@ -200,6 +200,7 @@ def _as_plain(found: Analysis) -> dict[str, Any]:
 def _exceeded(found: Analysis, limits: ForceLimits) -> dict[str, Any]:
     return {
         "provenance": limits.provenance,
+        "warnings": list(limits.doubts),
         "exceeded": {
             contact.contact: texts for contact in found.contacts if (texts := limits.exceeded(contact))
         },
@@ -256,7 +257,9 @@ def _nothing(found: Analysis) -> str:
 
 
 def _compared(found: Analysis, limits: ForceLimits) -> Iterator[str]:
-    """What a comparison with the user's limits says: one line per contact above them, and their source."""
+    """What a comparison with the user's limits says: mistakes that are likely in them, one line per contact
+    above them, and their source."""
+    yield from (f"warning: {text}" for text in limits.doubts)
     within = True
     for contact in found.contacts:
         if texts := limits.exceeded(contact):

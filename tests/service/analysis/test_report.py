@@ -380,6 +380,26 @@ def test_links_beyond_a_sensor_in_the_arm_are_determined() -> None:
     assert "little may not be listed" in undetermined_forces(above)
 
 
+def test_limits_in_each_others_place_are_warned_of(folder: Path, tmp_path: Path) -> None:
+    write_motion(demo(), tmp_path / "a.parquet", last=500)
+    limits = tmp_path / "limits.yaml"
+    limits.write_text(
+        "provenance: us\nregions:\n- {name: hand, quasi_static: 100, transient: 50}\n"
+        "- {name: arm, quasi_static: 100, transient: 100}\n"
+    )
+    arguments = [str(tmp_path / "a.parquet"), "--scene", str(folder / "scene.yaml"), "--limits", str(limits)]
+    result = CliRunner().invoke(analyze, [*arguments, "--out", str(tmp_path)])
+    warning = "Limits of hand: the transient one, 50 N, is below the quasi-static one, 100 N"
+    assert f"warning: {warning}" in result.stdout
+    texts = [result.stdout, *((tmp_path / name).read_text() for name in ("report.md", "report.html"))]
+    for text in texts:
+        assert text.count(warning) == 1
+        assert "Limits of arm" not in text
+    result = CliRunner().invoke(analyze, [*arguments, "--out", str(tmp_path), "--json"])
+    (told,) = json.loads(result.stdout)[0]["limits"]["warnings"]
+    assert told.startswith(warning)
+
+
 def test_contacts_as_arrows(folder: Path, tmp_path: Path) -> None:
     make_reader = pytest.importorskip("mcap.reader").make_reader
     factory = pytest.importorskip("mcap_ros2.decoder").DecoderFactory()
