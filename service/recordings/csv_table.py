@@ -23,6 +23,8 @@ _HEAD = 65536
 _GZIP = b"\x1f\x8b"
 """The first bytes of a file that is packed with gzip."""
 _DECIMAL_COMMA = re.compile(rb"\d,\d")
+_DATE = re.compile(r"\d{1,4}([./-])\d{1,2}\1\d{1,4}")
+"""A date in any order of day, month and year."""
 _UTF16 = (b"\xff\xfe", b"\xfe\xff")
 """The first bytes of a text in UTF-16, such as the "Unicode text" of spreadsheets."""
 _BEFORE_HEADER = re.compile(rb"(?:\xef\xbb\xbf)?(?:[ \t]*\r?\n|\"?sep=.\"?\r?\n)*")
@@ -225,7 +227,9 @@ class CsvTable:
             self._report(first + begin, first + end, f"expected numbers, got {words}; row ignored")
         for name in names:
             for begin, end in _runs(bad[name] - rows):
-                message = f"{name}: expected numbers, got {cells[name][begin]!r}"
+                cell = cells[name][begin]
+                dates = ", or dates as 2026-03-31T12:00:00.002" if _DATE.search(cell or "") else ""
+                message = f"{name}: expected numbers{dates}, got {cell!r}"
                 self._report(first + begin, first + end, message)
         return columns
 

@@ -49,6 +49,16 @@ def test_dates_in_text_are_seconds_since_1970(tmp_path: Path, zone: str) -> None
     assert recording.problems == ()
 
 
+@pytest.mark.parametrize("date", ["01.01.1970", "31.03.2026 12:00:00", "3/31/2026 12:00", "31-03-26"])
+def test_dates_of_another_form_are_told_the_one_that_is_read(tmp_path: Path, date: str) -> None:
+    head, *lines = text(columns()).splitlines()
+    dated = [f"{date},{line.partition(',')[2]}" for line in lines]
+    (tmp_path / "a.csv").write_text("\n".join([head, *dated]))
+    told = f"timestamp: expected numbers, or dates as 2026-03-31T12:00:00.002, got {date!r}"
+    with pytest.raises(RecordingError, match=re.escape(told)):
+        read(tmp_path / "a.csv", SCENE)
+
+
 def test_units_below_the_header_are_one_problem(tmp_path: Path) -> None:
     found = columns()
     head, *lines = text(found).splitlines()
