@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from contactsense.runtime.block_runner import MAX_BLOCK
 from contactsense.service.recordings import Recording, RecordingFile
 
 HANDOVER = 1.0
@@ -35,15 +36,15 @@ class FollowedRows:
         self._times: list[np.ndarray] = []
 
     def blocks(self) -> Iterator[Recording]:
-        """The samples; no block has own rows and others. After the last one, there are empty ones with the
-        problems that are known only when reading ends."""
+        """The samples; no block has own rows and others. Those without samples carry the problems, some of
+        which are known only when reading ends."""
         for part in self._file.blocks(first=self._begin, enough=lambda: self._is_done):
-            part = part[:0] if self._is_done else part
+            yield part[:0]
             borders = [self._first] if self._last is None else [self._first, self._last]
             cuts = np.searchsorted(part.rows, borders).tolist()
-            for i, (first, last) in enumerate(pairwise([0, *cuts, len(part)])):
-                # A slice has the problems of the whole.
-                yield replace(part[first:last], problems=part.problems if i == 0 else ())
+            for first, last in pairwise(sorted({*range(0, len(part), MAX_BLOCK), *cuts, len(part)})):
+                if not self._is_done:
+                    yield replace(part[first:last], problems=())
 
     def has(self, row: int) -> bool:
         """Whether a row is one of the own rows."""

@@ -5,8 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contactsense import Scene, forward_model
+from contactsense import Scene, WrenchSensor, forward_model
+from contactsense.robots.tool import Tool
+from contactsense.runtime.block_runner import MAX_BLOCK
+from contactsense.service.analysis.analysis import AnalysisRun
 from contactsense.service.analysis.fleet.run import analyze_fleet
+from contactsense.service.analysis.followed_rows import FollowedRows
+from contactsense.service.analysis.present_sensors import without_sensors
+from contactsense.service.recordings import RecordingFile
 from contactsense.service.recordings.export import write_columns
 
 RATE = 50.0
@@ -31,6 +37,18 @@ def _write(path: Path, seconds: float, *held: tuple[float, float]) -> Path:
     columns |= {f"actual_qd_{i}": np.zeros(len(t)) for i in range(6)}
     write_columns(path, columns)
     return path
+
+
+def test_reading_ends_with_the_contacts_of_the_part(tmp_path: Path) -> None:
+    """Not with one that begins later, and not before problems of the whole file are known."""
+    scene = Scene(robot="ur5e", wrist_wrench=WrenchSensor(), tool=Tool(name="gripper"))
+    file = RecordingFile(_write(tmp_path / "a.parquet", 600.0, (10.0, 15.0), (30.0, 590.0)), scene)
+    run = AnalysisRun(without_sensors(scene, frozenset({"wrist_wrench"})))
+    (contact,) = run.contacts(FollowedRows(file, 0, 0, 600))
+    assert contact.complete
+    assert contact.row == pytest.approx(10.0 * RATE, abs=5)
+    assert run.extent.samples <= MAX_BLOCK + 600 < 600.0 * RATE
+    assert [problem.kind for problem in run.extent.problems] == ["missing_sensor"]
 
 
 @pytest.mark.slow
