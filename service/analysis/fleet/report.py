@@ -16,6 +16,7 @@ from contactsense.service.analysis.fleet.summary import FleetSummary, RobotSumma
 from contactsense.service.analysis.health import UNJUDGED
 from contactsense.service.analysis.report import render
 from contactsense.service.analysis.summarize import Summarizer
+from contactsense.service.analysis.undetermined_forces import undetermined_forces
 from contactsense.service.drawing.arm_scene import arm_geometry, arm_view, view_script
 from contactsense.service.drawing.drift_svg import drift_chart
 from contactsense.service.drawing.palette import heat_colours, link_colour
@@ -78,6 +79,7 @@ def _content(summary: FleetSummary) -> dict[str, Any]:
         "problems": problems[:MOST_PROBLEMS],
         "more_problems": max(len(problems) - MOST_PROBLEMS, 0),
         "groups": [(name, _members(robots), assumptions(robots[0].scene)) for name, robots in groups],
+        "undetermined": _undetermined(summary),
         "script": view_script(),
         "data": json.dumps(
             [
@@ -101,6 +103,14 @@ def _groups(summary: FleetSummary) -> list[tuple[str, list[RobotSummary]]]:
         name = robot.scene.robot.name + (f" with {tool.name}" if tool is not None else "")
         found.setdefault(name, []).append(robot)
     return list(found.items())
+
+
+def _undetermined(summary: FleetSummary) -> list[tuple[str, str]]:
+    """Robots with forces that their sensors do not determine, and what their forces mean."""
+    found: dict[str, list[RobotSummary]] = {}
+    for robot in summary.robots:
+        found.setdefault(undetermined_forces(robot.scene), []).append(robot)
+    return [(_members(robots), text) for text, robots in found.items() if text]
 
 
 def _members(robots: list[RobotSummary]) -> str:

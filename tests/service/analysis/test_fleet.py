@@ -428,6 +428,17 @@ def test_one_broken_file_or_one_robot_without_a_scene_does_not_end_the_analysis(
     assert broken.startswith("robot=a/0.parquet: cannot read the recording")
 
 
+def test_robots_whose_sensors_determine_no_force_are_named(tmp_path: Path) -> None:
+    data, out = tmp_path / "data", tmp_path / "out"
+    _carrying(data, "a", Scene(robot="ur5e"))
+    _carrying(data, "b", Scene(robot="ur5e", base_wrench=None))
+    result = CliRunner().invoke(analyze, [str(data), "--out", str(out)])
+    assert result.exit_code == 0, result.output
+    for text in (result.stdout, (out / "fleet.html").read_text()):
+        assert text.count("joint torques alone do not determine a force") == 1
+        assert "b: No force/torque sensor measures pushes" in text
+
+
 def test_a_folder_of_scenes_may_lack_one(tmp_path: Path) -> None:
     data, scenes = tmp_path / "data", tmp_path / "scenes"
     for robot in "ab":
