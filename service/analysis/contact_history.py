@@ -66,6 +66,11 @@ class ContactHistory:
         """Times of the samples [s], shape (N,)."""
         return self.block.t
 
+    @property
+    def explained_share(self) -> float:
+        """How much of the sum of energies belongs to samples with an explanation, 0 to 1."""
+        return float(self.energy[self.sample].sum() / max(self.energy.sum(), 1e-300))
+
     def strongest_stretch(self) -> "ContactHistory":
         """The samples between two pauses, or all if there is none, that differ most from no contact: those
         with the largest sum of energies."""

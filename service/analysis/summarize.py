@@ -25,6 +25,9 @@ from contactsense.tracking.contact_track import NONE, SLIDE
 
 TRANSIENT_TIME = 0.5
 """Contacts longer than this are quasi-static, shorter ones transient [s]."""
+LEAST_EXPLAINED = 0.5
+"""A contact is unexplained if samples with an explanation have less than this share of its energy: places
+that explain its beginning and its end only, where the observers still follow, say nothing of its force."""
 CURVE_POINTS = 400
 """Maximum number of points of a force curve."""
 
@@ -43,7 +46,7 @@ class Summarizer:
         precise of its places."""
         frame, history = self._frame(history, recording), history.without_outages()
         rows = history.rows
-        if len(rows) == 0:
+        if history.explained_share < LEAST_EXPLAINED:
             return self._unexplained(history, frame)
         force = history.force
         peak = int(np.argmax(force))
