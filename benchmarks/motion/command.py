@@ -211,6 +211,7 @@ def _summary(
         "events": score.events,
         "missed": score.missed,
         "masked": score.masked,
+        "beside": score.beside,
         "delay_ms": delay,
         "over_time": _over_time(score.answers),
         "false_alarms": score.false_alarms,
@@ -287,8 +288,8 @@ def _print_table(results: Sequence[dict[str, Any]], model: str) -> None:
         title=f"contacts in motion, {model}; errors in mm",
         caption=(
             "x rest: ratio to the same contacts at rest; answered: share of the touched samples with an "
-            "answer; masked: contacts that began during a false alarm; alarms: false ones, and the minutes "
-            "without contact"
+            "answer; delay, missed: of contacts that do not begin beside another one; masked: contacts that "
+            "began during a false alarm; alarms: false ones, and the minutes without contact"
         ),
     )
     for name in ("arm", "suite", "noise N", "motion"):

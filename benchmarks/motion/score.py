@@ -62,7 +62,9 @@ class Score:
     delay: list[float] = field(default_factory=list)
     """Delay from the first sample of a contact to the first answer, for contacts that were found [s]."""
     events: dict[str, int] = field(default_factory=dict)
-    """Number of contacts of each type."""
+    """Number of contacts of each type, without those that began beside another."""
+    beside: int = 0
+    """Contacts that began while another one acted, whose answers hide when they were detected."""
     missed: dict[str, int] = field(default_factory=dict)
     """Number of contacts without any answer, of each type."""
     masked: int = 0
@@ -98,10 +100,12 @@ class Score:
     def _add_events(self, stream: Stream, answered: np.ndarray) -> None:
         late = round(0.5 * AFTERGLOW / float(np.median(np.diff(stream.t))))
         for event in stream.events:
+            if event.start > 0 and stream.touched[event.start - 1]:
+                self.beside += 1
+                continue
             self.events[event.type] = self.events.get(event.type, 0) + 1
             found = np.flatnonzero(answered[event.start : event.stop + late])
-            before = max(event.start - 1, 0)
-            if answered[before] and not stream.touched[before]:
+            if answered[max(event.start - 1, 0)]:
                 self.masked += 1
             elif len(found):
                 self.delay.append(float(stream.t[event.start + found[0]] - stream.t[event.start]))

@@ -109,6 +109,12 @@ def several(
         _print(results, subtitle)
 
 
+_PAIRS = (
+    "; in brackets: 95 % interval by bootstrap over the pairs; pairs left out, as both contacts start "
+    "together or the first has no estimate: {}"
+)
+
+
 def _scenario_name(scenario: Scenario) -> str:
     if scenario.arrival == "at_once":
         return "at once"
@@ -117,16 +123,20 @@ def _scenario_name(scenario: Scenario) -> str:
 
 
 def _print(results: Sequence[dict[str, Any]], subtitle: str) -> None:
+    of_pairs = all("pairs" in r for r in results)
     table = Table(
         title=f"several contacts: {subtitle}",
         caption=(
             f"found: contacts within {1e3 * WITHIN:g} mm; all: trials with all of them; counted: right "
             "number of contacts; median, 95 %, RMSE of the contacts in mm, RMSE without the missed ones; ms: "
             "time of the last answer"
-        ),
+        )
+        + (_PAIRS.format(max(r["left_out"] for r in results)) if of_pairs else ""),
     )
     for name in ("arm", "noise N / Nm / Nm", "contacts", "arriving"):
         table.add_column(name, no_wrap=name != "contacts")
+    if of_pairs:
+        table.add_column("pairs", justify="right")
     for name in ("found", "all", "counted", "median", "95 %", "RMSE", "ms"):
         table.add_column(name, justify="right")
     for r in results:
@@ -135,11 +145,17 @@ def _print(results: Sequence[dict[str, Any]], subtitle: str) -> None:
             r["noise"],
             str(r["contacts"]),
             r["arriving"],
-            *(f"{100 * r[key]:.1f} %" for key in ("success", "all", "counted")),
+            *([str(r["pairs"])] if of_pairs else []),
+            f"{100 * r['success']:.1f} %" + (_interval(r["success_interval"]) if of_pairs else ""),
+            *(f"{100 * r[key]:.1f} %" for key in ("all", "counted")),
             *(_number(r[key]) for key in ("median_mm", "p95_mm", "rmse_mm")),
             f"{r['median_ms']:.1f}",
         )
-    Console(width=130).print(table)
+    Console(width=150).print(table)
+
+
+def _interval(bounds: tuple[float, float]) -> str:
+    return f" ({100 * bounds[0]:.0f}-{100 * bounds[1]:.0f})"
 
 
 def _print_streams(results: Sequence[dict[str, Any]], subtitle: str) -> None:

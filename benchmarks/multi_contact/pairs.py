@@ -1,6 +1,7 @@
 """Double contacts of the moving ground truth: two pushes on different links of a moving arm's meshes."""
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ import numpy as np
 
 from contactsense import Contact, Localizer
 from contactsense.benchmarks.accuracy.static_cases import Detail, Noise
-from contactsense.benchmarks.multi_contact.measure import localizer_for, match, summary
+from contactsense.benchmarks.multi_contact.measure import WITHIN, localizer_for, match, summary
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.inverse_dynamics import inverse_dynamics
 from contactsense.kinematics.model import Model, build_model, empty_motion
@@ -19,6 +20,8 @@ SAMPLE_STEP = 10
 """One of this many samples of a double contact is located."""
 MIN_FORCE = 2.0
 """Minimum normal force of both contacts [N]."""
+RESAMPLES = 2000
+"""Number of bootstrap samples."""
 
 
 @dataclass(frozen=True)
@@ -76,9 +79,12 @@ def read_pairs(folder: Path, robot: str, model: Model) -> Motion:
 
 
 def measure_pairs(folder: Path, robot: str, noise: Noise, detail: Detail = "fine") -> list[dict[str, Any]]:
-    """Rows as from `contactsense.benchmarks.multi_contact.measure.measure`.
+    """Rows as from `contactsense.benchmarks.multi_contact.measure.measure`: pairs located together, and with
+    the first contact already known. Those that start together, or whose first contact has no estimate, are
+    left out of both.
 
-    Pairs located together, and with the first contact already known.
+    In addition `pairs` and `left_out`, their numbers, and `success_interval`: a 95 % interval of `success`,
+    by bootstrap over the pairs, as the samples of one are alike.
     """
     localizer = localizer_for(robot, noise, detail=detail)
     model = build_model(localizer.scene.robot)
@@ -86,16 +92,18 @@ def measure_pairs(folder: Path, robot: str, noise: Noise, detail: Detail = "fine
     pushing = -np.einsum("nki,nki->nk", motion.force, motion.normal) > MIN_FORCE
     both = (motion.active & pushing).all(axis=1)
     rows = []
+    intervals = _intervals(both, motion.run)
+    first = [_first_contact_alone(localizer, motion, start, pushing, noise) for start, _ in intervals]
     for arriving in ("at once", "one by one, forces free"):
-        errors, seconds = [], []
-        for start, stop in _intervals(both, motion.run):
-            before = None
-            if arriving != "at once":
-                before = _first_contact_alone(localizer, motion, start, pushing, noise)
-                if before is None:
-                    continue
+        pairs: list[list[np.ndarray]] = []
+        seconds = []
+        for (start, stop), before in zip(intervals, first, strict=True):
+            if before is None:
+                continue
+            errors = []
             for i in range(start, stop, SAMPLE_STEP):
-                known = () if before is None else (moved_with_link(model, before[1], before[0], motion.q[i]),)
+                at_once = arriving == "at once"
+                known = () if at_once else (moved_with_link(model, before[1], before[0], motion.q[i]),)
                 base, torque = _sample(motion, i, noise)
                 begin = time.perf_counter()
                 estimate = localizer.locate(
@@ -104,9 +112,26 @@ def measure_pairs(folder: Path, robot: str, noise: Noise, detail: Detail = "fine
                 seconds.append(time.perf_counter() - begin)
                 found = estimate.contacts if estimate.explanations else estimate.contacts[:1]
                 errors.append(match(found, list(motion.point[i])))
-        if errors:
-            rows.append({"arriving": arriving} | summary(errors, seconds, 2))
+            pairs.append(errors)
+        if pairs:
+            counts = {"pairs": len(pairs), "left_out": len(intervals) - len(pairs)}
+            found_all = summary([error for errors in pairs for error in errors], seconds, 2)
+            interval = {"success_interval": success_interval(pairs)}
+            rows.append({"arriving": arriving} | counts | found_all | interval)
     return rows
+
+
+def success_interval(pairs: Sequence[Sequence[np.ndarray]]) -> tuple[float, float]:
+    """Bounds of the share of contacts within `WITHIN` in 95 % of the bootstrap samples of the pairs.
+
+    Args:
+        pairs: Distances of both contacts in each sample, shape (2,) [m], of each pair.
+    """
+    hits = np.array([[np.count_nonzero(np.array(errors) <= WITHIN), 2 * len(errors)] for errors in pairs])
+    drawn = np.random.default_rng(0).integers(len(pairs), size=(RESAMPLES, len(pairs)))
+    right, counted = hits[drawn].sum(axis=1).T
+    low, high = np.quantile(right / counted, (0.025, 0.975))
+    return float(low), float(high)
 
 
 def _intervals(both: np.ndarray, run: np.ndarray) -> list[tuple[int, int]]:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from contactsense.benchmarks.results.kept_output import ROOT, printed_by, source_version
 from contactsense.benchmarks.results.plain_table import without_frame
-from contactsense.benchmarks.results.sections import DRAW, MAKE, PAGES, PICTURE, Page
+from contactsense.benchmarks.results.sections import DRAW, MAKE, MAKE_PAIRS, PAGES, PICTURE, Page
 
 
 def _machine() -> str:
@@ -47,7 +47,8 @@ def _lines(page: Page, version: str) -> Iterator[str]:
 
 def main() -> None:
     """Make the ground truth, run the commands of all sections, and write the pages."""
-    subprocess.run(shlex.split(MAKE), cwd=ROOT, check=True)
+    for command in (MAKE, MAKE_PAIRS):
+        subprocess.run(shlex.split(command), cwd=ROOT, check=True)
     version = source_version(ROOT)
     for page in PAGES:
         (ROOT / "docs" / page.name).write_text("\n".join(_lines(page, version)), encoding="utf-8")

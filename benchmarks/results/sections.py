@@ -9,6 +9,13 @@ GIVEN = Path("../shared/data/truth")
 """Files of the same kind that are not part of the repository."""
 MAKE = f"python -m contactsense.benchmarks.truth make --seed 1 --runs 24 --into {TRUTH}"
 """The command that makes the ground truth of all sections but those of the given files."""
+PAIRS = f"{TRUTH}_pairs"
+MAKE_PAIRS = (
+    "python -m contactsense.benchmarks.truth make --robot ur5e --suite motion --seed 2 --runs 80 "
+    f"--into {PAIRS}"
+)
+"""The command that makes more pairs of contacts, by another seed than that with which the localization of
+several contacts was tuned."""
 DRAW = (
     "python -m contactsense.benchmarks.speed_error --contacts 100 --robot ur3e --robot ur5e "
     f"--truth {TRUTH} --meshes {MESHES}"
@@ -127,8 +134,11 @@ table apply to all tables below it.
         ),
         Section(
             "Two contacts on a moving arm",
-            "Pairs on different links, one sample per estimate: [several contacts](multi_contact.md).",
-            f"contactsense bench several --robot ur5e --truth {TRUTH}",
+            f"""Pairs on different links, one sample per estimate: [several contacts](multi_contact.md). They
+are of another seed than that with which the method was tuned:
+
+    {MAKE_PAIRS}""",
+            f"contactsense bench several --robot ur5e --truth {PAIRS}",
         ),
         Section(
             "Time against error",

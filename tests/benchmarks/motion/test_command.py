@@ -63,6 +63,18 @@ def test_what_is_found_missed_and_late() -> None:
     assert score.free == pytest.approx(2.0 - 0.002 * (200 + 100 + 25 + 100))
 
 
+def test_a_contact_beside_another_one_has_no_delay() -> None:
+    """Answers about the first one would hide when the second is detected, and whether it is."""
+    stream = _stream()
+    beside = replace(stream, events=(*stream.events, Event(300, 350, "impact")))
+    score = Score()
+    score.add(beside, _estimates(stream.touched))
+    assert score.beside == 1
+    assert score.events == {"hold": 1, "impact": 1}
+    assert score.delay == pytest.approx([0.0, 0.0])
+    assert score.missed == {}
+
+
 def test_answers_are_taken_at_their_time_after_the_onset() -> None:
     """The hold lasts 0.4 s, the impact 50 ms; nothing is said in the first 50 ms."""
     answered = np.zeros(N, dtype=bool)
