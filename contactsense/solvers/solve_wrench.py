@@ -87,7 +87,7 @@ def problem_of(surface: Surface, method: Method) -> Problem:
         ValueError: The method is unknown, or cannot solve this surface.
         TypeError: `surface` is none.
     """
-    if not isinstance(surface, Surface):
+    if isinstance(surface, type) or not hasattr(surface, "problem"):
         raise TypeError(f"surface: expected one such as Sphere(0.01), got {surface!r:.60}")
     if method == "exact":
         return surface.problem()

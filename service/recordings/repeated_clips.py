@@ -21,14 +21,11 @@ def without_repeated_clips(files: Iterable[Path]) -> list[Path]:
         files: Paths of files, of all kinds.
     """
     kept, folders = list(files), defaultdict(list)
+    with_clips = {file.parent for file in kept if _is_of(file, CLIP)}
     for file in kept:
-        if _is_of(file, CONTINUOUS):
+        if file.parent in with_clips and _is_of(file, CONTINUOUS):
             folders[file.parent].append(file)
-    recorded = {
-        folder: _stretches(inside)
-        for folder, inside in folders.items()
-        if any(_is_of(file, CLIP) and file.parent == folder for file in kept)
-    }
+    recorded = {folder: _stretches(inside) for folder, inside in folders.items()}
     return [file for file in kept if not (_is_of(file, CLIP) and _is_within(file, recorded))]
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import fields
 from numbers import Real
-from typing import Any, ClassVar, Protocol, runtime_checkable
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,7 +17,6 @@ Problem = tuple[Kernel, tuple[Any, ...]]
 """A compiled solver and its arguments after the wrench."""
 
 
-@runtime_checkable
 class Surface(Protocol):
     """A surface with an outward normal that bounds a convex body and can be solved."""
 

@@ -16,9 +16,10 @@ def test_a_batch_of_another_shape_is_rejected(shape: tuple[int, ...]) -> None:
 
 
 @pytest.mark.parametrize("arguments", [{}, {"covariance": np.eye(6)}])
-def test_what_is_no_surface_is_named(arguments: dict[str, np.ndarray]) -> None:
-    with pytest.raises(TypeError, match=r"^surface: expected one such as Sphere\(0.01\), got 'sphere'$"):
-        solve("sphere", np.ones(3), np.ones(3), **arguments)  # type: ignore[call-overload]
+@pytest.mark.parametrize("surface", ["sphere", Sphere, None])
+def test_what_is_no_surface_is_named(surface: object, arguments: dict[str, np.ndarray]) -> None:
+    with pytest.raises(TypeError, match=r"^surface: expected one such as Sphere\(0.01\), got "):
+        solve(surface, np.ones(3), np.ones(3), **arguments)  # type: ignore[call-overload]
 
 
 @pytest.mark.parametrize("radius", ["a", [1.0], None])
