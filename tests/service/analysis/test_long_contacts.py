@@ -1,6 +1,7 @@
 """Contacts that last for minutes: a dataset has them whole, wherever its recordings are cut."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from contactsense import Scene, WrenchSensor, forward_model
 from contactsense.robots.tool import Tool
 from contactsense.runtime.block_runner import MAX_BLOCK
 from contactsense.service.analysis.analysis import AnalysisRun
+from contactsense.service.analysis.fleet import segments
 from contactsense.service.analysis.fleet.run import analyze_fleet
 from contactsense.service.analysis.followed_rows import FollowedRows
 from contactsense.service.analysis.present_sensors import without_sensors
@@ -77,3 +79,29 @@ def test_a_long_contact_is_one_wherever_the_recording_is_cut(
             assert row["peak_force"] == pytest.approx(20.0, abs=1.0)
         assert found.robots[0].touched == whole.robots[0].touched
         assert found.problems == whole.problems == ()
+
+
+@pytest.mark.slow
+def test_a_contact_that_is_longer_than_is_looked_back_does_not_raise_doubts_of_the_scene(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its middle segments begin while it acts, and no free sample before them is read."""
+    monkeypatch.setattr(segments, "REACH", 65.0)
+    path, scene = _write(tmp_path / "a.parquet", 300.0, (20.0, 280.0)), tmp_path / "scene.yaml"
+    scene.write_text("robot: ur5e\n")
+    found = analyze_fleet((path,), scene, tmp_path / "out", length=60.0)
+    first = found.contacts.to_pylist()[0]
+    assert (first["link"], first["complete"]) == ("forearm", True)
+    assert first["begin"] + first["duration"] == pytest.approx(280.0, abs=0.15)
+    assert found.problems == ()
+
+
+def test_a_clock_that_is_set_back_ends_no_handover_early() -> None:
+    """Contacts that begin within a second after the own rows are kept, whatever the clock does."""
+    part = FollowedRows(SimpleNamespace(name="r"), 0, 0, 100)  # type: ignore[arg-type]
+    part.pass_block(np.arange(100), 0.01 * np.arange(100))
+    part.pass_block(np.arange(100, 150), 0.01 * np.arange(100, 150) - 0.9)
+    assert part.keeps(149)
+    part.pass_block(np.arange(150, 300), 0.01 * np.arange(150, 300) - 0.9)
+    assert part.keeps(190)
+    assert not part.keeps(210)

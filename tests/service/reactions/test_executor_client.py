@@ -53,6 +53,24 @@ def test_an_action_that_hangs_holds_up_no_other(tmp_path: Path) -> None:
         client.close()
 
 
+def test_a_program_that_has_ended_is_not_killed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its number may belong to another process by then."""
+    killed: list[int] = []
+    for module in ("executor_client", "actions.child_group"):
+        monkeypatch.setattr(f"contactsense.service.reactions.{module}.kill_group", killed.append)
+    action = CommandAction(type="command", command=("true",), timeout=30.0)
+    client = ExecutorClient({"a": action}, HOST)
+    try:
+        assert client.start("a", TOLD, time.monotonic()) == ""
+        assert results_of(client, 1)[0]["ok"]
+    finally:
+        client.close()
+    action.open(lambda _: None)
+    action.perform(TOLD, HOST)
+    action.close()
+    assert killed == []
+
+
 def test_an_action_that_takes_too_long_is_killed() -> None:
     client = ExecutorClient({"a": CommandAction(type="command", command=("sleep", "60"), timeout=0.5)}, HOST)
     try:

@@ -212,6 +212,20 @@ def test_clips_of_before_are_listed_with_their_reason(tmp_path: Path) -> None:
     assert [clip.reason for clip in clips.listed()] == ["collision on forearm", "", "window"]
 
 
+def test_only_the_newest_clips_are_listed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("contactsense.service.api.clips._MOST", 3)
+    for i in range(5):
+        (tmp_path / f"clip-20260101T00000{i}-000001.parquet").write_bytes(b"no table")
+    clips = Clips(RecordingSettings(folder=tmp_path), lambda _: True)
+    assert [clip.file for clip in clips.listed()] == [
+        f"clip-20260101T00000{i}-000001.parquet" for i in (2, 3, 4)
+    ]
+    for _ in range(2):
+        assert clips.order(None, None, "now") is not None
+    assert [clip.reason for clip in clips.listed()][1:] == ["now", "now"]
+    assert len(clips.listed()) == 3
+
+
 def test_without_a_pipeline_no_clip_is_left_in_the_list(tmp_path: Path) -> None:
     with serving(create_app(Settings.checked({"recording": {"folder": tmp_path}}))) as place:
         answer = http.post(f"http://{place}/v1/clip", json={"reason": "door"})
