@@ -95,7 +95,7 @@ class Runner:
         self._ticker: Supervised | None = None
         self._process: Literal["none", "starting", "running", "ended"] = "starting"
         self._end_reason = ""
-        self._reported = self._estimated = 0.0
+        self._reported = self._estimated = self._sampled = 0.0
         self._latest = LatestEstimate()
         self._lag = 0.0
         self._restart = asyncio.Event()
@@ -306,6 +306,9 @@ class Runner:
         report = json.loads(payload)
         restarts = self.pipeline.restarts
         self.source = SourceHealth.model_validate(report["source"])
+        if self.source.age is not None:
+            # Other messages, such as the progress of the next process, must not make this age look new.
+            self._sampled = self._reported - self.source.age
         self.pipeline = PipelineHealth.model_validate(report["pipeline"])
         self.pipeline.restarts = restarts
         self.handover = max(0.0, asyncio.get_running_loop().time() - sent)
@@ -338,11 +341,8 @@ class Runner:
     @property
     def sample_age(self) -> float | None:
         """Time since the latest sample [s]; None before the first."""
-        age, since = self.source.age, self._age(self._reported)
-        if age is None or since is None:
-            return self.estimate_age
         # Estimates arrive more often than reports, and there is one for each sample.
-        return min(age + since, self.estimate_age if self.estimate_age is not None else age + since)
+        return self._age(max(self._sampled, self._estimated))
 
     @property
     def lag(self) -> float:

@@ -16,7 +16,15 @@ import pytest
 
 from contactsense import Scene
 from contactsense.robots.jit.compilation import CompilationProgress
-from contactsense.service.live.pipeline_connection import ESTIMATE, HEAD, LAST_WORDS, LOADING, REPORT
+from contactsense.service.api.messages import PipelineHealth, SourceHealth
+from contactsense.service.live.pipeline_connection import (
+    ESTIMATE,
+    HEAD,
+    HEALTH,
+    LAST_WORDS,
+    LOADING,
+    REPORT,
+)
 from contactsense.service.live.pipeline_process import Source
 from contactsense.service.live.silence import Silence
 from contactsense.service.live.supervisor import Runner
@@ -244,12 +252,13 @@ def message(kind: bytes, content: object) -> bytes:
 def received(runner: Runner, *messages: bytes) -> str:
     """Let a runner take the messages of a process, last words at their end; returns how it ended."""
 
-    async def scenario() -> str:
-        reader = asyncio.StreamReader()
-        reader.feed_data(b"".join(messages))
-        return await runner._receive(reader, multiprocessing.current_process(), Silence(0.0))
+    return asyncio.run(take(runner, *messages))
 
-    return asyncio.run(scenario())
+
+async def take(runner: Runner, *messages: bytes) -> str:
+    reader = asyncio.StreamReader()
+    reader.feed_data(b"".join(messages))
+    return await runner._receive(reader, multiprocessing.current_process(), Silence(0.0))
 
 
 @pytest.mark.parametrize("error", [OSError("disk full"), ValueError("no such kind")])
@@ -295,3 +304,25 @@ def test_a_progress_bar_that_fails_loses_no_message() -> None:
     assert runner.loaded.is_set()
     assert runner.message_errors.count == 2
     assert runner.message_errors.last == "progress: OSError: the terminal is gone"
+
+
+def test_messages_of_the_next_process_do_not_make_the_latest_sample_look_new() -> None:
+    over = HEAD.pack(LAST_WORDS, 0.0, 4) + b"over"
+    source = SourceHealth(connected=True, age=0.002).model_dump()
+    health = {"source": source, "pipeline": PipelineHealth(alive=True).model_dump()}
+
+    async def scenario() -> None:
+        runner = Runner(SCENE, fakes.Mute, lambda t, message: None)
+        runner._loop = asyncio.get_running_loop()
+        await take(runner, message(HEALTH, health), message(ESTIMATE, {"status": "none"}), over)
+        await asyncio.sleep(0.2)
+        await take(runner, message(LOADING, {"share": 0.1, "left": 30.0}), over)
+        assert runner.report_age is not None
+        assert runner.sample_age is not None
+        assert runner.report_age < 0.1
+        assert runner.sample_age >= 0.2
+        source["age"] = None  # the next process has no sample yet
+        await take(runner, message(HEALTH, health), over)
+        assert runner.sample_age >= 0.2
+
+    asyncio.run(scenario())
