@@ -141,11 +141,13 @@ class LiveSource:
                 self._outdated = "" if self._calls.scene_fields() == self._served else OUTDATED
                 health = self._calls.health()
                 self._message = f"{health.status}: {health.message}"
-                if health.reactions.status != "off":
-                    self._latches = tuple(
-                        Latch(latch.rule, f"{latch.rule}: {latch.force:.0f} N on {latch.link}")
-                        for latch in self._calls.reactions().latched
-                    )
+                # A service that was started again may have no reactions any more.
+                reactions = health.reactions.status != "off"
+                latched = self._calls.reactions().latched if reactions else []
+                self._latches = tuple(
+                    Latch(latch.rule, f"{latch.rule}: {latch.force:.0f} N on {latch.link}")
+                    for latch in latched
+                )
             except LiveError as error:
                 self._message = str(error)
             self._over.wait(POLL)

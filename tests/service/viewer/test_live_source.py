@@ -6,6 +6,7 @@ import urllib.error
 import urllib.request
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +15,8 @@ from fastapi.responses import PlainTextResponse
 
 from contactsense.scene import Scene
 from contactsense.service.api.estimate_json import estimate_json
+from contactsense.service.reactions.health import LatchOut, ReactionsOut
+from contactsense.service.viewer import live_source
 from contactsense.service.viewer.live_source import OUTDATED, RATE, LiveSource
 from contactsense.service.viewer.service_calls import LiveError, ServiceCalls
 from contactsense.types import Estimate
@@ -101,6 +104,23 @@ def test_another_scene_of_the_service_is_told() -> None:
             assert until(lambda: OUTDATED in source.note())
             scenes.append(SCENE)
             assert until(lambda: OUTDATED not in source.note())
+        finally:
+            source.close()
+
+
+def test_latched_collisions_go_with_the_reactions(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A service that was started again without rules has nothing to acknowledge."""
+    reactions = ReactionsOut(status="ok", latched=[LatchOut(rule="stop", t=4.0, link="forearm", force=50.0)])
+    health = SimpleNamespace(status="ok", message="all is well", reactions=reactions)
+    monkeypatch.setattr(ServiceCalls, "health", lambda _: health)
+    monkeypatch.setattr(ServiceCalls, "reactions", lambda _: reactions)
+    monkeypatch.setattr(live_source, "POLL", 0.01)
+    with service() as (url, _):
+        source = LiveSource(ServiceCalls(url))
+        try:
+            assert until(lambda: [latch.rule for latch in source.latches] == ["stop"])
+            reactions.status = "off"
+            assert until(lambda: not source.latches, timeout=5.0)
         finally:
             source.close()
 
