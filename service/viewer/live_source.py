@@ -97,21 +97,26 @@ class LiveSource:
 
     def _read(self) -> None:
         address = f"{self._calls.url.replace('http', 'ws', 1)}/v1/stream?rate={RATE:g}"
-        pause = 0.1
+        pause, refused = 0.1, False
         while not self._over.is_set():
             try:
                 with connect(
                     address, additional_headers=self._calls.headers, compression=None, close_timeout=0.2
                 ) as stream:
-                    self._lost, pause = "", 0.1
                     while not self._over.is_set():
                         try:
                             message = stream.recv(timeout=0.2)
                         except TimeoutError:
+                            # While it starts it sends nothing; messages that were refused may still come.
+                            if not refused:
+                                self._lost = ""
                             continue
                         self._take(json.loads(message))
+                        # Not before: a connection alone does not show that the service can be used.
+                        self._lost, pause, refused = "", 0.1, False
             except (OSError, WebSocketException, ValueError) as error:
                 self._lost = f"the service cannot be heard, trying again: {in_words(error)}"
+                refused = isinstance(error, ValueError)
             self._over.wait(pause)
             pause = min(2.0 * pause, LONGEST_PAUSE)
 

@@ -1,7 +1,9 @@
 """The live source: it draws what a service sends, and tells what it cannot use."""
 
+import asyncio
 import http.client
 import ssl
+import time
 import urllib.error
 import urllib.request
 from collections.abc import Iterator, Sequence
@@ -29,9 +31,12 @@ PUSH = estimate(SCENE, contact(SCENE, POSTURE, 3, np.array([-0.2, 0.05, 0.0])), 
 
 
 @contextmanager
-def service(*sent: Estimate, scenes: Sequence[Scene] = (SCENE,)) -> Iterator[tuple[str, list[int]]]:
-    """A service that sends estimates to each connection and then closes it; yields its URL, and the
-    connections so far. Its scene is the last of `scenes`."""
+def service(
+    *sent: Estimate, scenes: Sequence[Scene] = (SCENE,), delay: float = 0.0, closed: float = np.inf
+) -> Iterator[tuple[str, list[int]]]:
+    """A service that sends estimates to each connection after a delay and then closes it; yields its URL, and
+    the connections so far. Its scene is the last of `scenes`. It closes only the first `closed` connections
+    of itself."""
     app, connections = FastAPI(), [0]
 
     @app.get("/v1/scene")
@@ -45,9 +50,13 @@ def service(*sent: Estimate, scenes: Sequence[Scene] = (SCENE,)) -> Iterator[tup
         assert float(socket.query_params["rate"]) == RATE
         connections[0] += 1
         await socket.accept()
+        await asyncio.sleep(delay)
         for each in sent:
             await socket.send_text(estimate_json(each, POSTURE).decode())
-        await socket.close()
+        if connections[0] > closed:
+            await socket.receive()
+        else:
+            await socket.close()
 
     with serving(app) as address:
         yield f"http://{address}", connections
@@ -88,6 +97,31 @@ def test_estimates_of_another_arm_are_refused() -> None:
         try:
             assert until(lambda: "it now serves another arm" in source.note())
             assert source.frame().estimate is None
+        finally:
+            source.close()
+
+
+def test_a_service_whose_messages_are_refused_is_asked_ever_less_often() -> None:
+    foreign = Estimate(0.0, "none", (), np.zeros(4), np.zeros(6), np.eye(6))
+    with service(foreign, delay=0.02) as (url, connections):
+        begin = time.monotonic()
+        source = LiveSource(ServiceCalls(url))
+        try:
+            assert until(lambda: "it now serves another arm" in source.note())
+            # The reason stays while the stream is opened again.
+            assert not until(lambda: "it now serves another arm" not in source.note(), timeout=0.4)
+            assert until(lambda: connections[0] == 4)
+            assert time.monotonic() - begin >= 0.7  # pauses of 0.1, 0.2 and 0.4 s
+        finally:
+            source.close()
+
+
+def test_a_service_that_is_back_but_has_nothing_to_send_is_heard() -> None:
+    with service(closed=2) as (url, connections):
+        source = LiveSource(ServiceCalls(url))
+        try:
+            assert until(lambda: "cannot be heard" in source.note())
+            assert until(lambda: connections[0] == 3 and "cannot be heard" not in source.note())
         finally:
             source.close()
 
