@@ -12,7 +12,7 @@ from contactsense.robots.rendering import View, at_pose, side_by_side
 from contactsense.scene import Scene
 from contactsense.scene_model.constants import build_constants
 from contactsense.service.drawing.figure_style import figure_style
-from contactsense.service.drawing.palette import HEAT, heat_colours
+from contactsense.service.drawing.palette import HEAT, heat_colours, heat_scale
 from contactsense.surface_map.detectability import Detectability
 from contactsense.surface_map.sensor_response import sensor_response
 from contactsense.surface_map.smallest_force import detected_size, smallest_force
@@ -26,8 +26,6 @@ MARGIN = 12
 """White pixels around the arm."""
 PIXELS = 560
 """Longer side of each view."""
-WIDEST_SCALE = 100.0
-"""Largest ratio of the forces at both ends of the colour scale."""
 
 
 def draw_force_map(
@@ -50,9 +48,7 @@ def _draw(cases: Sequence[tuple[str, Scene, Detectability]], q: np.ndarray, path
     from matplotlib.colors import LinearSegmentedColormap, LogNorm
 
     forces = np.concatenate([found.smallest_force for _, _, found in cases])
-    forces = forces[np.isfinite(forces)]
-    low = float(forces.min())
-    high = min(max(float(forces.max()), 1.2 * low), WIDEST_SCALE * low)
+    low, high = heat_scale(forces)
     scale = mpl.cm.ScalarMappable(LogNorm(low, high), LinearSegmentedColormap.from_list("heat", HEAT))
     pictures = [_views(scene, found, q, (low, high)) for _, scene, found in cases]
     height = sum(WIDTH * picture.shape[0] / picture.shape[1] + 0.6 for picture in pictures)
@@ -63,14 +59,17 @@ def _draw(cases: Sequence[tuple[str, Scene, Detectability]], q: np.ndarray, path
         axis.imshow(picture)
         axis.set_title(title)
         axis.axis("off")
-    bar = figure.colorbar(scale, ax=axes[:, 0].tolist(), shrink=0.7)
-    detection = cases[0][2].detection
-    bar.set_label(f"smallest force / N, detected with probability {detection:g}")
-    bar.ax.yaxis.set_major_locator(mpl.ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
-    bar.ax.yaxis.set_major_formatter("{x:g}")
-    bar.ax.yaxis.set_minor_formatter(mpl.ticker.NullFormatter())
-    if any((found.smallest_force > high).any() for _, _, found in cases):
-        figure.supxlabel(f"light grey: more than {high:.3g} N")
+    if np.isfinite(forces).any():
+        bar = figure.colorbar(scale, ax=axes[:, 0].tolist(), shrink=0.7)
+        detection = cases[0][2].detection
+        bar.set_label(f"smallest force / N, detected with probability {detection:g}")
+        bar.ax.yaxis.set_major_locator(mpl.ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
+        bar.ax.yaxis.set_major_formatter("{x:g}")
+        bar.ax.yaxis.set_minor_formatter(mpl.ticker.NullFormatter())
+        if (forces > high).any():
+            figure.supxlabel(f"light grey: more than {high:.3g} N")
+    else:
+        figure.supxlabel("light grey: no push is sure to be detected")
     try:
         figure.savefig(path, format="png")
     finally:

@@ -36,6 +36,9 @@ HEAT = (
 )  # fmt: skip
 """Colours of heat maps, equally spaced: Matplotlib's viridis, from its bright end."""
 
+WIDEST_SCALE = 100.0
+"""Largest ratio of the values at both ends of a heat map's scale."""
+
 
 def link_colour(index: int) -> str:
     """Colour of a link as a hexadecimal code; index -1: no link."""
@@ -48,6 +51,17 @@ def probability_colour(probability: float) -> str:
     probability = 0.0 if np.isnan(probability) else probability
     blend = between((UNTOUCHED, TOUCHED), np.array([probability]))[0]
     return "#" + "".join(f"{part:02x}" for part in blend)
+
+
+def heat_scale(values: np.ndarray) -> tuple[float, float]:
+    """Values at the bright and the dark end of a heat map, for `heat_colours`.
+
+    Args:
+        values: Positive values, shape (N,). Those that are not finite are left out; there may be no other.
+    """
+    known = values[np.isfinite(values)]
+    low = float(known.min()) if len(known) else 1.0
+    return low, min(max(float(known.max(initial=low)), 1.2 * low), WIDEST_SCALE * low)
 
 
 def heat_colours(values: np.ndarray, low: float, high: float) -> np.ndarray:

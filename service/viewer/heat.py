@@ -12,7 +12,7 @@ from contactsense.kinematics.model import empty_motion
 from contactsense.scene import Scene
 from contactsense.scene_model.constants import build_constants
 from contactsense.service.drawing.link_geometry import link_meshes
-from contactsense.service.drawing.palette import heat_colours
+from contactsense.service.drawing.palette import heat_colours, heat_scale
 from contactsense.service.scene.summary import link_places
 from contactsense.service.viewer.arm_nodes import link_node
 from contactsense.surface_map.sensor_response import sensor_response
@@ -20,8 +20,6 @@ from contactsense.surface_map.smallest_force import detected_size, smallest_forc
 
 INTERVAL = 0.5
 """Shortest time between two postures that are computed [s]."""
-WIDEST_SCALE = 100.0
-"""Largest ratio of the forces at both ends of the colour scale."""
 MOVED = 0.02
 """A joint that has turned by less does not change the picture [rad]."""
 
@@ -97,9 +95,7 @@ class Heat:
 
     def _draw(self, meshes: list[trimesh.Trimesh], forces: list[np.ndarray]) -> None:
         found = np.concatenate(forces)
-        felt = found[np.isfinite(found)]
-        low = float(felt.min()) if len(felt) else 1.0
-        high = min(max(float(felt.max(initial=low)), 1.2 * low), WIDEST_SCALE * low)
+        low, high = heat_scale(found)
         colours = heat_colours(found, low, high)
         begin = 0
         with self._lock:
@@ -116,7 +112,7 @@ class Heat:
             self._legend = (
                 f"Smallest push that one measurement detects: {low:.1f} N (bright) to {high:.1f} N (dark); "
                 "grey: larger."
-                if len(felt)
+                if np.isfinite(found).any()
                 else "No push is sure to be detected."
             )
 

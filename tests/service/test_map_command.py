@@ -90,6 +90,17 @@ def test_a_picture_of_two_scenes(scenes: tuple[str, str], tmp_path: Path) -> Non
     assert upper.sum() > 1.2 * lower.sum() > 0
 
 
+@pytest.mark.slow
+def test_a_picture_where_nothing_can_be_felt(tmp_path: Path) -> None:
+    """Joint torques alone measure nothing on the base."""
+    scene, picture = tmp_path / "base.yaml", tmp_path / "map.png"
+    scene.write_text("robot: ur5e\ndetail: coarse\ntouchable: [base]\nbase_wrench: null\n")
+    result = call(str(scene), *POSTURE, "--picture", str(picture))
+    assert result.exit_code == 0, result.output
+    # The arm is grey, and there is no scale of colours.
+    assert np.ptp(plt.imread(picture)[..., :3], axis=2).max() < 0.1
+
+
 def test_json_has_every_place(scenes: tuple[str, str]) -> None:
     result = call(scenes[1], *POSTURE, "--json", "--force", "50", "--detection", "0.5")
     (found,) = json.loads(result.stdout)["maps"]

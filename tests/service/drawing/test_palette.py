@@ -103,6 +103,20 @@ def test_heat_is_logarithmic_and_shows_what_is_beyond_the_scale() -> None:
         palette.heat_colours(np.ones(1), 0.0, 1.0)
 
 
+@pytest.mark.parametrize(
+    ("values", "scale"),
+    [
+        ([3.0, 8.0, np.inf, np.nan], (3.0, 8.0)),
+        ([3.0, 800.0], (3.0, 300.0)),
+        ([5.0, np.inf], (5.0, 6.0)),
+        ([np.inf, np.nan], (1.0, 1.2)),
+        ([], (1.0, 1.2)),
+    ],
+)
+def test_the_scale_of_heat_spans_what_is_known(values: list[float], scale: tuple[float, float]) -> None:
+    assert palette.heat_scale(np.array(values)) == scale
+
+
 def test_pictures_of_robots_have_the_same_colours() -> None:
     rendering = pytest.importorskip("contactsense.robots.rendering")
     assert [palette.rgb(colour) for colour in palette.LINK_COLOURS] == list(rendering.COLOURS)
