@@ -1,13 +1,13 @@
 """The surfaces of a scene for the kernels: arm, tool, and the bodies that cover them or stand on the base
 sensor."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 
 import numpy as np
 
 from contactsense.robots import Link
 from contactsense.robots.surface.convex_primitives import Surfaces, pack
-from contactsense.robots.surroundings import pack_bodies
+from contactsense.robots.surroundings import Body, pack_bodies
 from contactsense.scene import Scene
 
 
@@ -29,12 +29,18 @@ def scene_surfaces(scene: Scene, shown: Collection[str] | None = None) -> Surfac
         R, o = scene.robot.flange_rotation, scene.robot.flange_translation
         surfaces.rotation[first:] = R @ surfaces.rotation[first:]
         surfaces.origin[first:] = surfaces.origin[first:] @ R.T + o
-    pedestals, covers = (
-        pack_bodies(body for body in scene.bodies if body.role == role) for role in ("pedestal", "cover")
-    )
-    surfaces = _inserted(surfaces, int(surfaces.start[1]), pedestals)
-    surfaces.start[1:] += len(pedestals.kind)
+    surfaces = with_pedestals(surfaces, scene.bodies)
+    covers = pack_bodies(body for body in scene.bodies if body.role == "cover")
     return _inserted(surfaces, len(surfaces.kind), covers)
+
+
+def with_pedestals(surfaces: Surfaces, bodies: Iterable[Body]) -> Surfaces:
+    """Surfaces of links with the pedestals among some bodies after the base link's own primitives."""
+    pedestals = pack_bodies(body for body in bodies if body.role == "pedestal")
+    joined = _inserted(surfaces, int(surfaces.start[1]), pedestals)
+    start = surfaces.start.copy()
+    start[1:] += len(pedestals.kind)
+    return joined._replace(start=start)
 
 
 def touchable_links(scene: Scene) -> np.ndarray:

@@ -22,17 +22,20 @@ def view_script() -> str:
 
 
 def arm_geometry(scene: Scene) -> list[dict[str, Any]]:
-    """Meshes of all links, each with its `color`, see `packed`."""
-    return [{"color": link_colour(i), **packed(mesh)} for i, mesh in enumerate(link_meshes(scene))]
+    """Meshes of all links, pedestals with the base link's, each with its `color`, see `packed`."""
+    meshes = link_meshes(scene, pedestals=True)
+    return [{"color": link_colour(i), **packed(mesh)} for i, mesh in enumerate(meshes)]
 
 
 def packed(mesh: Mesh) -> dict[str, str]:
     """A mesh of at most 65536 vertices as base64 of little-endian integers.
 
     Returns:
-        `vertices`: 16 bit, in tenths of a millimetre; `faces`: indices, 16 bit, without sign.
+        `vertices`: 16 bit, in tenths of a millimetre, so that what is more than 3.2 m away is drawn nearer;
+        `faces`: indices, 16 bit, without sign.
     """
-    numbers = np.rint(1e4 * mesh.vertices).astype("<i2"), mesh.faces.astype("<u2")
+    near = np.clip(1e4 * mesh.vertices, -32_000.0, 32_000.0)
+    numbers = np.rint(near).astype("<i2"), mesh.faces.astype("<u2")
     vertices, faces = (b64encode(each.tobytes()).decode("ascii") for each in numbers)
     return {"vertices": vertices, "faces": faces}
 

@@ -10,6 +10,7 @@ from contactsense.robots.primitives import Primitive
 from contactsense.robots.surface.convex_primitives import Surfaces, pack
 from contactsense.robots.surroundings import pack_bodies
 from contactsense.scene import Scene
+from contactsense.scene_model.scene_surfaces import with_pedestals
 from contactsense.service.drawing.mesh import Mesh
 from contactsense.service.drawing.primitive_meshes import outer_triangles, surface_mesh
 
@@ -21,23 +22,29 @@ _recent: "list[tuple[Scene, LinkGeometry]]" = []
 
 
 class LinkGeometry(NamedTuple):
-    """The primitives of `scene.link_names`, each in its link's frame; a tool's in the flange's frame."""
+    """The primitives of `scene.link_names`, each in its link's frame; a tool's in the flange's frame.
+
+    Pedestals are part of the base link's surface, as contacts on them are contacts of that link; its mesh is
+    without them.
+    """
 
     surfaces: Surfaces
-    """The primitives of all links."""
+    """The primitives of all links, pedestals after those of the base link."""
     meshes: tuple[Mesh, ...]
     """Their mesh for each link."""
     triangles: tuple[np.ndarray, ...]
-    """The triangles of each link that lie on its surface, link frame, shape (T, 3, 3) [m]."""
+    """The triangles of each link that lie on its surface, pedestals included, link frame, shape (T, 3, 3)
+    [m]."""
 
 
-def link_meshes(scene: Scene, visual: bool = False) -> tuple[Mesh, ...]:
+def link_meshes(scene: Scene, visual: bool = False, pedestals: bool = False) -> tuple[Mesh, ...]:
     """One mesh for each of `scene.link_names`, in the link's frame; a tool's in the flange's frame.
 
     Args:
         scene: The scene.
         visual: Show the arm's visual meshes where there are any; otherwise, and for the other links, the
             primitives.
+        pedestals: Add the scene's pedestals to the base link's mesh.
 
     Raises:
         ImportError: `visual` needs the packages of the extra `geometry`.
@@ -48,7 +55,11 @@ def link_meshes(scene: Scene, visual: bool = False) -> tuple[Mesh, ...]:
 
         meshes = visual_meshes(scene)
     primitives = geometry_of(scene).meshes
-    return tuple(meshes.get(name, primitives[link]) for link, name in enumerate(scene.link_names))
+    found = [meshes.get(name, primitives[link]) for link, name in enumerate(scene.link_names)]
+    if pedestals:
+        bodies = zip(body_meshes(scene), scene.bodies, strict=True)
+        found[0] = Mesh.joined([found[0], *(mesh for mesh, body in bodies if body.role == "pedestal")])
+    return tuple(found)
 
 
 def body_meshes(scene: Scene) -> tuple[Mesh, ...]:
@@ -65,7 +76,11 @@ def geometry_of(scene: Scene) -> LinkGeometry:
     if len(scene.link_names) > len(links) and scene.tool is not None:
         links.append(Link(scene.tool.name, scene.tool.inertia, scene.tool.primitives))
     meshes, outer = zip(*(_drawn(link.primitives) for link in links), strict=True)
-    geometry = LinkGeometry(pack(links), meshes, outer)
+    surfaces = with_pedestals(pack(links), scene.bodies)
+    if len(surfaces.kind) > sum(len(link.primitives) for link in links):
+        base = outer_triangles(surfaces, 0, surface_mesh(surfaces, 0))
+        outer = (base, *outer[1:])
+    geometry = LinkGeometry(surfaces, meshes, outer)
     _recent.insert(0, (scene, geometry))
     del _recent[_RECENT:]
     return geometry

@@ -147,9 +147,9 @@ class ArmNodes:
 
 def _meshes(scene: Scene, visual: bool) -> tuple[Mesh, ...]:
     try:
-        return link_meshes(scene, visual)
+        return link_meshes(scene, visual, pedestals=True)
     except ImportError:  # without the extra `geometry`
-        return link_meshes(scene, False)
+        return link_meshes(scene, pedestals=True)
 
 
 def _add(nodes: viser.SceneApi, name: str, mesh: Mesh, index: int) -> viser.MeshHandle:

@@ -76,7 +76,7 @@ class Heat:
                 return
             if constants is None or meshes is None:
                 constants, size = build_constants(self._scene), detected_size(self._scene, DETECTION)
-                links = link_meshes(self._scene, visual=False)
+                links = link_meshes(self._scene, pedestals=True)
                 meshes = [trimesh.Trimesh(link.vertices, link.faces, process=False) for link in links]
             q = self._q
             if self._handles and drawn is not None and np.abs(q - drawn).max() < MOVED:

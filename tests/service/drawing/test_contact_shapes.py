@@ -6,6 +6,7 @@ import pytest
 from contactsense import Scene
 from contactsense.robots.primitives import Box, Cylinder, Sphere
 from contactsense.robots.surface.union import distances
+from contactsense.robots.surroundings import Body
 from contactsense.robots.tool import Tool
 from contactsense.service.drawing.contact_shapes import arrow_ends, region_patch
 from contactsense.service.drawing.link_geometry import geometry_of
@@ -123,3 +124,18 @@ def test_an_arrow_ends_at_the_contact_and_shows_the_force() -> None:
     for nothing in (np.zeros(3), np.full(3, np.nan), np.array([np.inf, 0.0, 0.0])):
         tail, head = arrow_ends(point, nothing)
         np.testing.assert_array_equal(tail, head)
+
+
+def test_a_region_on_a_pedestal_lies_on_it() -> None:
+    """Contacts on pedestals are contacts of the base link."""
+    column = Cylinder(a=(0, 0, -0.8), b=(0, 0, 0), radius_a=0.1, radius_b=0.1, rounding=0.01)
+    pedestal = Body(name="column", role="pedestal", translation=(0.3, 0.0, 0.0), primitives=(column,))
+    side = np.array([1.0, 0.0, 0.0])
+    point = np.array([0.4, 0.0, -0.4])
+    patch = region_patch(Scene(robot="ur5e", bodies=(pedestal,)), 0, point, side, 0.01**2 * np.eye(3))
+    away = np.linalg.norm(patch.vertices - point, axis=1)
+    assert 0.02 < away.max() < 0.023
+    from_axis = np.hypot(patch.vertices[:, 0] - 0.3, patch.vertices[:, 1])
+    np.testing.assert_allclose(from_axis, 0.1, atol=0.001)
+    table = Scene(robot="ur5e", bodies=(pedestal.model_copy(update={"role": "obstacle"}),))
+    assert len(region_patch(table, 0, point, side, 0.01**2 * np.eye(3)).faces) == 0

@@ -7,7 +7,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from contactsense import Scene
+from contactsense.robots.primitives import Box
 from contactsense.robots.surface.union import distances
+from contactsense.robots.surroundings import Body
 from contactsense.service.drawing.arm_scene import arm_geometry, arm_view, contact_view
 from contactsense.service.drawing.link_geometry import geometry_of, link_meshes
 from contactsense.service.drawing.palette import link_colour
@@ -26,6 +28,25 @@ def test_a_report_has_the_meshes_that_all_pictures_have() -> None:
         assert drawn["color"] == link_colour(i)
         np.testing.assert_allclose(vertices, mesh.vertices, atol=5.1e-5)
         np.testing.assert_array_equal(faces, mesh.faces)
+
+
+def test_a_report_draws_pedestals_with_the_base_link() -> None:
+    plate = Box(center=(0.0, 1.7, -0.05), half=(0.4, 2.0, 0.05), rounding=0.01)
+    table = Box(center=(1.0, 0.0, -0.05), half=(0.4, 1.0, 0.05), rounding=0.01)
+    bodies = (
+        Body(name="plate", role="pedestal", primitives=(plate,)),
+        Body(name="table", primitives=(table,)),
+    )
+    base, *others = arm_geometry(Scene(robot="ur5e", bodies=bodies))
+    alone, *same = arm_geometry(Scene(robot="ur5e"))
+    assert others == same
+    (own, _), (vertices, faces) = unpacked(alone), unpacked(base)
+    np.testing.assert_array_equal(vertices[: len(own)], own)
+    added = vertices[len(own) :]
+    assert faces.max() == len(vertices) - 1
+    # No table, and the far end of the plate is cut off where the numbers of a report end.
+    np.testing.assert_allclose(np.abs(added).max(axis=0), [0.4, 3.2, 0.1], atol=1e-4)
+    assert (added[:, 1].min(), added[:, 1].max()) == pytest.approx((-0.3, 3.2), abs=1e-4)
 
 
 def test_a_contact_is_drawn_where_it_is() -> None:

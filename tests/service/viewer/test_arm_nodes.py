@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from contactsense import Scene
 from contactsense.robots.primitives import Sphere
+from contactsense.robots.surroundings import Body
 from contactsense.robots.tool import Tool
 from contactsense.service.scene.summary import link_places
 from tests.plain_arm import plain_ur5e
@@ -31,6 +32,24 @@ def test_a_tool_is_drawn_at_the_flange() -> None:
         offset = np.linalg.inv(nodes.poses[-2]) @ nodes.poses[-1]
         np.testing.assert_allclose(offset[:3, 3], [0.0, 0.0, 0.107], atol=1e-12)
         np.testing.assert_allclose(offset[:3, :3], turned, atol=1e-12)
+    finally:
+        page.stop()
+
+
+def test_pedestals_are_drawn_with_the_base_link() -> None:
+    pytest.importorskip("viser")
+    from contactsense.service.viewer.arm_nodes import ArmNodes, link_node
+    from contactsense.service.viewer.viewer import serve_page
+
+    ball = Sphere(center=(0.0, 0.0, -0.5), radius=0.2)
+    scene = Scene(robot="ur5e", bodies=(Body(name="ball", role="pedestal", primitives=(ball,)),))
+    page = serve_page("127.0.0.1", 0)
+    try:
+        nodes = ArmNodes(page.scene, scene)
+        skins = [skin[0] for skin in nodes._skins.values()]
+        assert {skin.name for skin in skins} == {f"{link_node(0)}/mesh", f"{link_node(0)}/primitives"}
+        for skin in skins:
+            assert skin.vertices[:, 2].min() == pytest.approx(-0.7, abs=1e-3)
     finally:
         page.stop()
 
