@@ -7,6 +7,8 @@ from html import escape
 import numpy as np
 
 WIDTH, LEFT, RIGHT, TOP, BOTTOM = 1000, 62, 12, 10, 44
+DIGIT = 13
+"""Width of a digit where a panel is drawn at half its size and its letters are enlarged."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +32,10 @@ class Curve:
 def panel(
     curves: Sequence[Curve], span: tuple[float, float], unit: str, title: str, height: int = 190
 ) -> str:
-    """A panel of curves with axes: x is time [s] over `span`, y starts at zero in `unit`."""
+    """A panel of curves with axes: x is time [s] over `span`, y starts at zero in `unit`.
+
+    Times are those of the curves, so that they are the same as in tables.
+    """
     values = [float(np.nanmax(curve.y)) for curve in curves if len(curve.y) and np.isfinite(curve.y).any()]
     largest = max([*values, 1e-9])
     step = nice_step(largest / 4.0)
@@ -52,12 +57,11 @@ def panel(
             f'<line class="grid" x1="{LEFT}" y1="{y:.1f}" x2="{WIDTH - RIGHT}" y2="{y:.1f}"/>'
             f'<text x="{LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">{k * step:.4g}</text>'
         )
-    tick = nice_step((high - low) / 8.0)
-    for k in range(int(np.ceil(low / tick)), int(np.floor(high / tick)) + 1):
-        x, _ = at(k * tick, 0.0)
+    for time, label in _ticks(low, high, inner):
+        x, _ = at(time, 0.0)
         parts.append(
             f'<line class="grid" x1="{x:.1f}" y1="{TOP}" x2="{x:.1f}" y2="{TOP + depth}"/>'
-            f'<text x="{x:.1f}" y="{TOP + depth + 19}" text-anchor="middle">{k * tick:.6g}</text>'
+            f'<text x="{x:.1f}" y="{TOP + depth + 19}" text-anchor="middle">{label}</text>'
         )
     parts += [_curve(curve, at) for curve in curves if len(curve.x)]
     parts.append(
@@ -72,6 +76,21 @@ def nice_step(value: float) -> float:
     """The smallest of 1, 2, 5 times a power of ten that is not below `value`."""
     power = 10.0 ** np.floor(np.log10(max(value, 1e-12)))
     return float(next(m * power for m in (1.0, 2.0, 5.0, 10.0) if m * power >= value * (1.0 - 1e-9)))
+
+
+def _ticks(low: float, high: float, width: int) -> list[tuple[float, str]]:
+    """Round times from `low` to `high` with their labels, which do not overlap on an axis of that width."""
+    step = nice_step((high - low) / 8.0)
+    # A clock that counts from 1970 needs more digits than others, for which fewer times have room.
+    label = DIGIT * (1 + len(f"{high:.{_decimals(step)}f}"))
+    step = nice_step((high - low) * max(1.0 / 8.0, label / width))
+    numbers = range(int(np.ceil(low / step)), int(np.floor(high / step)) + 1)
+    return [(k * step, f"{k * step:.{_decimals(step)}f}") for k in numbers]
+
+
+def _decimals(step: float) -> int:
+    """Decimals that distinguish multiples of a `nice_step`."""
+    return max(0, -int(np.floor(np.log10(step) + 1e-9)))
 
 
 def _curve(curve: Curve, at: Callable[[float, float], tuple[float, float]]) -> str:
