@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from contactsense.calibration import FreeMotion
+from contactsense.calibration.recording_residuals import GAP
 from contactsense.scene import Scene
 from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
 from contactsense.scene_model.sensor_delays import without_delays
@@ -33,7 +34,7 @@ def read_live_motion(
     Args:
         scene: Defines which signals are used, and their meaning.
         settings: Sources of the signals.
-        seconds: Time to read [s].
+        seconds: Time to read [s]; of a longer gap between two samples, `GAP` counts.
         progress: Called with the time read so far [s].
 
     Raises:
@@ -43,15 +44,20 @@ def read_live_motion(
     samples: list[Sample] = []
     with LiveSource(scene, replace(settings, constant_readings=True)) as live:
         last = time.monotonic()
-        while not samples or samples[-1].t - samples[0].t < seconds:
+        read = outages = 0.0
+        while not samples or read < seconds:
             new = live.poll(0.1)
             for sample in new:
                 if samples and sample.t < samples[-1].t:  # the controller was restarted: begin anew
                     samples.clear()
+                    outages = 0.0
+                if samples:
+                    outages += max(0.0, sample.t - samples[-1].t - GAP)
                 samples.append(sample)
             if new:
                 last = time.monotonic()
-                progress(samples[-1].t - samples[0].t)
+                read = samples[-1].t - samples[0].t - outages
+                progress(read)
             elif time.monotonic() - last > _PATIENCE:
                 trouble = live.health.trouble or "no samples arrive"
                 raise SensorError(f"{settings.robot_host}: no samples for {_PATIENCE:.0f} s: {trouble}")
