@@ -215,8 +215,8 @@ def other_signal(scene: Scene) -> np.ndarray:
 
 def reads_other_signal(setup: Setup, scene: Scene) -> bool:
     """Whether a setup takes the joint torques for the other signal."""
-    known = setup.gain != 0.0
-    return bool((np.abs(setup.gain) == other_signal(scene))[known].all())
+    known = setup.gain != 0.0  # that of frozen torques says nothing
+    return bool(known.any() and (np.abs(setup.gain) == other_signal(scene))[known].all())
 
 
 def signed_permutations() -> list[np.ndarray]:
