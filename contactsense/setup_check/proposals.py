@@ -1,11 +1,14 @@
 """The value of a line of the scene, as it would be written there."""
 
+from collections.abc import Iterable
+from math import ceil, log10
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from contactsense.kinematics.regressor import bodies_of
 from contactsense.robots.rotations import rpy_from_rotation
-from contactsense.scene import Scene
+from contactsense.scene import Scene, WrenchSensor
 from contactsense.setup_check.hypotheses import (
     mounting_mistakes,
     other_signal,
@@ -66,6 +69,8 @@ def line_value(line: Line, setup: Setup, scene: Scene) -> tuple[str, str]:
         if line.endswith(".link"):
             return scene.robot.link_names[setup.sensors[field].body], ""
         sensor = setup.sensors[field]
+        if line.endswith(".bias"):
+            return _bias(sensor.bias, scene.link_sensors[field]), ""
         return _sensor(line, sensor), unit_remark(*_sizes(sensor.order)) if line.endswith(SCALE) else ""
     if line == TORQUE_SIGN:
         own = not (setup.gain < 0.0).any()
@@ -102,8 +107,6 @@ def _sensor(line: Line, setup: SensorSetup) -> str:
         return _vector(setup.translation, 3)
     if line.endswith(".delay"):
         return f"{round(setup.delay, 4) + 0.0:.4f}"
-    if line.endswith(".bias"):
-        return _vector(setup.bias, 2)
     if line.endswith(FROZEN_VALUES):
         return "none"
     if line.endswith(SCALE):
@@ -118,6 +121,13 @@ def _sensor(line: Line, setup: SensorSetup) -> str:
     axes = " ".join(forces).replace("f", "")
     turned = " ".join(moments).replace("m", "")
     return axes if axes == turned else f"forces {axes}, moments {turned}"
+
+
+def _bias(bias: np.ndarray, sensor: WrenchSensor) -> str:
+    """The bias of a sensor within the arm, in hundredths: finer where its noise is below one."""
+    noise = (sensor.force_noise,) * 3 + (sensor.moment_noise,) * 3
+    digits = [max(2, ceil(-log10(value))) for value in noise]
+    return _list(f"{round(float(x), n) + 0.0:g}" for x, n in zip(bias, digits, strict=True))
 
 
 def _places(order: Order) -> str:
@@ -163,7 +173,11 @@ def _sizes(order: np.ndarray) -> tuple[float, float]:
 
 
 def _vector(values: np.ndarray, digits: int) -> str:
-    return "[" + ", ".join(f"{round(float(x), digits) + 0.0:g}" for x in values) + "]"
+    return _list(f"{round(float(x), digits) + 0.0:g}" for x in values)
+
+
+def _list(numbers: Iterable[str]) -> str:
+    return f"[{', '.join(numbers)}]"
 
 
 def roll_and_pitch(gravity: np.ndarray) -> tuple[float, float]:

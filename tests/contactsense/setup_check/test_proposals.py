@@ -6,7 +6,8 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from contactsense import JointTorqueSensor, Scene
+from contactsense import JointTorqueSensor, Scene, WrenchSensor
+from contactsense.robots.tool import Tool
 from contactsense.setup_check.lines import TORQUE_SIGNAL
 from contactsense.setup_check.proposals import line_value
 from contactsense.setup_check.setup import Setup
@@ -20,3 +21,19 @@ def test_torques_that_are_all_frozen_leave_their_signal_as_it_is(
     scene = Scene(robot=plain_ur5e(), joint_torque=JointTorqueSensor(signal=signal))
     frozen = replace(Setup.of(scene), gain=np.zeros(6))
     assert line_value(TORQUE_SIGNAL, frozen, scene) == (signal, "")
+
+
+@pytest.mark.parametrize(
+    ("noise", "text"),
+    [
+        ((0.25, 0.05), "[1.23, 0, -0.02, 0.01, -0.05, 0]"),
+        ((0.02, 0.0005), "[1.23, 0, -0.02, 0.0064, -0.051, 0.003]"),
+        ((0.0002, 0.05), "[1.2346, 0.0041, -0.0234, 0.01, -0.05, 0]"),
+    ],
+)
+def test_a_bias_is_written_as_finely_as_the_sensor_measures(noise: tuple[float, float], text: str) -> None:
+    """What is off by more than the noise must not be written as the value that the scene has."""
+    bias = (1.23456, 0.00414, -0.0234, 0.00642, -0.05104, 0.003)
+    sensor = WrenchSensor(force_noise=noise[0], moment_noise=noise[1], bias=bias)
+    scene = Scene(robot=plain_ur5e(), tool=Tool(mass=1.0), wrist_wrench=sensor)
+    assert line_value("wrist_wrench.bias", Setup.of(scene), scene) == (text, "")
