@@ -14,8 +14,8 @@ from contactsense.scene_model.arm_model import model_with_tool
 from contactsense.scene_model.arm_weight import ArmWeight
 from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
 from contactsense.scene_model.link_sensors import mounts
+from contactsense.scene_model.load_weight import LoadWeight
 from contactsense.scene_model.wrench_map import WrenchMap
-from contactsense.sensors.settings import WrenchSensor
 
 RAMP_TIME = 0.5
 """Every joint may get from rest to its largest speed, or stop, in this time [s]: the robots' data state no
@@ -24,30 +24,31 @@ _POSTURES = 300
 _Reading = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
-def largest_reading_at_rest(scene: Scene, sensor: WrenchSensor) -> np.ndarray:
-    """Largest magnitude of each component that a sensor under the base reads of an arm at rest.
+def largest_reading_at_rest(scene: Scene, field: str) -> np.ndarray:
+    """Largest magnitude of each component that a sensor reads of an arm at rest that touches nothing.
 
-    The largest moments of random postures within the joints' limits, each improved to the nearest local
-    maximum: the true ones may be slightly larger.
+    The largest of random postures within the joints' limits, each improved to the nearest local maximum: the
+    true ones may be slightly larger.
 
     Args:
-        scene: The arm, its tool and its mounting.
-        sensor: Pose and bias of the sensor.
+        scene: The arm, its tool and its mounting; it has the sensor.
+        field: The sensor: `base_wrench`, or a key of `Scene.link_sensors`.
 
     Returns:
         Shape (6,), sensor axes, about its origin [N, Nm].
     """
-    weight, to_reading = ArmWeight(scene), WrenchMap.of(sensor).reading
+    read = _weight_on_base(scene) if field == "base_wrench" else _weight_within(scene, field)
     low, high = _reach(scene)
     postures = np.random.default_rng(0).uniform(low, high, (_POSTURES, len(low)))
-    readings = to_reading(np.array([weight.wrench(q) for q in postures]))
+    readings = np.array([read(q) for q in postures])
     largest = np.abs(readings).max(axis=0)
-    for component in (3, 4, 5):  # the force is the same in all postures
+    # The force on the base is the same in all postures.
+    for component in range(3 if field == "base_wrench" else 0, 6):
         start = int(np.abs(readings[:, component]).argmax())
         sign = float(np.sign(readings[start, component]))
 
         def opposite(q: np.ndarray, component: int = component, sign: float = sign) -> float:
-            return -sign * float(to_reading(weight.wrench(q))[component])
+            return -sign * float(read(q)[component])
 
         best = minimize(opposite, postures[start], method="L-BFGS-B", bounds=Bounds(low, high))
         largest[component] = max(largest[component], -best.fun)
@@ -116,6 +117,18 @@ def _reach(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     """Lowest and highest joint positions, each shape (n,) [rad]; postures repeat beyond half a turn."""
     low, high = np.clip([joint.position_limits for joint in scene.robot.joints], -np.pi, np.pi).T
     return low, high
+
+
+def _weight_on_base(scene: Scene) -> Callable[[np.ndarray], np.ndarray]:
+    """What the base sensor reads at rest, by posture."""
+    weight, (_, reading) = ArmWeight(scene), _base(scene)
+    return lambda q: reading(q, weight.wrench(q))
+
+
+def _weight_within(scene: Scene, field: str) -> Callable[[np.ndarray], np.ndarray]:
+    """What a link sensor reads at rest, by posture."""
+    weight, frame = LoadWeight(scene, field), LinkSensorFrame(scene, field)
+    return lambda q: frame.reading(q, weight.wrench(q))
 
 
 def _base(scene: Scene) -> tuple[Model, _Reading]:

@@ -97,7 +97,7 @@ def as_plain(scene: Scene, q: np.ndarray) -> dict[str, Any]:
         },
         "largest_base_reading_at_rest": None
         if sensor is None
-        else largest_reading_at_rest(scene, sensor).tolist(),
+        else largest_reading_at_rest(scene, "base_wrench").tolist(),
         "largest_base_reading_in_motion": None if moving is None else moving.tolist(),
         "warnings": list(scene_warnings(scene)),
     }
@@ -138,7 +138,7 @@ def _range_warnings(scene: Scene, field: str, sensor: WrenchSensor | None, carri
     """Components of a sensor whose range the weight of what it carries reaches, or its weight and motion."""
     if sensor is None or sensor.range is None:
         return
-    at_rest = largest_reading_at_rest(scene, sensor) if field == "base_wrench" else np.zeros(6)
+    at_rest = largest_reading_at_rest(scene, field)
     moving = largest_reading_in_motion(scene, field)
     if moving is None:
         moving = np.zeros(6)
@@ -193,7 +193,7 @@ def _base_sensor(scene: Scene, weight: ArmWeight, q: np.ndarray) -> tuple[Line, 
     if sensor is None:
         return (Line("base_wrench", "none"),)
     reading = WrenchMap.of(sensor).reading(weight.wrench(q))
-    largest = largest_reading_at_rest(scene, sensor)
+    largest = largest_reading_at_rest(scene, "base_wrench")
     limits = "range unknown"
     if sensor.range is not None:
         limits = f"at most {100.0 * (largest / sensor.limits).max():.0f} % of its range"

@@ -125,7 +125,7 @@ def test_no_motion_within_the_limits_loads_a_sensor_more(field: str) -> None:
         read = LinkSensorFrame(scene, field).readings(q, wrench)
     else:
         read = WrenchMap.of(sensor).reading(wrench)
-        assert (bound >= largest_reading_at_rest(scene, sensor)).all()
+    assert (bound >= largest_reading_at_rest(scene, field)).all()
     largest = np.abs(read).max(axis=0)
     assert (bound > largest).all()
     assert (bound < 2.0 * largest).all()

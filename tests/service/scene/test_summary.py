@@ -154,6 +154,25 @@ def test_a_wrist_range_that_the_tool_exceeds_is_warned_of() -> None:
     assert warnings(100.0, 10.0) == []
 
 
+def test_a_range_that_the_load_exceeds_at_rest_is_warned_of_where_speeds_are_not_known() -> None:
+    arm, tool = without_limits(plain_ur5e()), Tool(mass=4.0, com=(0.0, 0.0, 0.1))
+
+    def warnings(wrist: tuple[float, float], elbow: tuple[float, float]) -> list[str]:
+        within = LinkWrenchSensor(name="elbow", link="forearm", range=elbow)
+        sensors = {"wrist_wrench": WrenchSensor(range=wrist), "link_wrenches": (within,)}
+        scene = Scene(robot=arm, tool=tool, **sensors)
+        return [text for text in scene_warnings(scene) if ".range: " in text]
+
+    large = (1000.0, 500.0)
+    found = warnings((20.0, 1.0), large)
+    assert [text.split(" in ")[1][:2] for text in found] == ["fx", "fy", "fz", "mx", "my"]
+    assert "expected more than 39.2 N in fx, which the tool's own weight reaches, got 20 N" in found[0]
+    # 4 kg at 0.1 m, however the sensor is turned.
+    assert "expected more than 3.92 Nm in mx" in found[3]
+    assert warnings((39.3, 3.93), large) == []
+    assert "link_wrenches.elbow.range: expected more than" in warnings(large, (40.0, 500.0))[0]
+
+
 def test_the_largest_load_is_that_of_an_arm_stretched_out() -> None:
     """Straight and horizontal, every link is as far from the base axis as it gets."""
     scene = Scene(robot="ur10e")
@@ -162,7 +181,7 @@ def test_the_largest_load_is_that_of_an_arm_stretched_out() -> None:
         float(np.linalg.norm(weight.wrench(np.array([0.0, 0.0, 0.0, wrist, 0.0, 0.0]))[3:5]))
         for wrist in np.linspace(-np.pi, np.pi, 37)
     )
-    largest = largest_reading_at_rest(scene, WrenchSensor())
+    largest = largest_reading_at_rest(scene, "base_wrench")
     assert largest[3:5].max() >= 0.995 * stretched
     assert largest[2] == pytest.approx(9.81 * scene.robot.mass)
 
