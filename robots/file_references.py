@@ -41,5 +41,5 @@ def _relative(fields: Mapping[str, Any]) -> list[str]:
         for name in _FIELDS
         if isinstance(value := fields.get(name), str)
         and not Path(value).is_absolute()
-        and (name != "robot" or Path(value).suffix in (*URDF_SUFFIXES, ".yaml"))
+        and (name != "robot" or Path(value).suffix.lower() in (*URDF_SUFFIXES, ".yaml"))
     ]

@@ -48,11 +48,12 @@ def load(name: str | Path) -> Robot:
         RobotError: the file is missing or wrong; the message names the field.
     """
     path = Path(name)
-    if path.suffix in URDF_SUFFIXES:
+    suffix = path.suffix.lower()  # some programs write names in capitals
+    if suffix in URDF_SUFFIXES:
         return from_urdf(path)
-    if path.suffix in MESH_SUFFIXES:
+    if suffix in MESH_SUFFIXES:
         raise RobotError(f"{path}: a mesh, not an arm; is it a tool? contactsense decompose {path} --as-tool")
-    if path.suffix != ".yaml":
+    if suffix != ".yaml":
         if str(name) not in known_names():
             known = ", ".join(known_names())
             raise UnknownRobotError(

@@ -47,7 +47,7 @@ def from_folder(folder: Path, names: tuple[str, ...]) -> dict[str, trimesh.Trime
     """Meshes named after the links, each in its link's frame, in metres.
 
     Args:
-        folder: Contains `<link>.ply`, or a file with another of `MESH_SUFFIXES`.
+        folder: Contains `<link>.ply`, or a file with another of `MESH_SUFFIXES`, also in capitals.
         names: The links, all of which are needed.
 
     Raises:
@@ -57,9 +57,7 @@ def from_folder(folder: Path, names: tuple[str, ...]) -> dict[str, trimesh.Trime
         raise RobotError(f"{folder}: no such folder of meshes")
     meshes = {}
     for name in names:
-        found = [
-            folder / f"{name}{suffix}" for suffix in MESH_SUFFIXES if (folder / f"{name}{suffix}").exists()
-        ]
+        found = _files(folder / name)
         if not found:
             raise RobotError(
                 f"{folder}: no mesh for link {name} ({name}.ply, or one of {', '.join(MESH_SUFFIXES[1:])})"
@@ -67,3 +65,11 @@ def from_folder(folder: Path, names: tuple[str, ...]) -> dict[str, trimesh.Trime
         meshes[name] = read_mesh(found[0])
         check_unit(meshes[name], str(found[0]))
     return meshes
+
+
+def _files(place: Path) -> list[Path]:
+    """Files of a mesh, given without the ending, in the order of `MESH_SUFFIXES`; of the same ending, that in
+    lower case first."""
+    beside = sorted(place.parent.glob("*"), reverse=True)
+    found = [path for path in beside if path.stem == place.name and path.suffix.lower() in MESH_SUFFIXES]
+    return sorted(found, key=lambda path: MESH_SUFFIXES.index(path.suffix.lower()))

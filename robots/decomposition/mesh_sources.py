@@ -41,7 +41,7 @@ def read_arm(
     Raises:
         RobotError: robot or meshes are missing or unusable.
     """
-    if Path(arm).suffix in URDF_SUFFIXES:
+    if Path(arm).suffix.lower() in URDF_SUFFIXES:
         chain = read_chain(arm, tip)
         return chain.robot, _of_chain(chain, folder)
     robot = robots.load(arm)
@@ -66,7 +66,7 @@ def read_tool(path: Path, scale: float = 1.0) -> tuple[Robot, dict[str, trimesh.
     if path.suffix.lower() in MESH_SUFFIXES:
         mesh, body = read_mesh(path, scale), NO_MASS
         check_unit(mesh, str(path), "use --scale 0.001 for millimetres")
-    elif path.suffix in URDF_SUFFIXES:
+    elif path.suffix.lower() in URDF_SUFFIXES:
         if scale != 1.0:
             raise RobotError(f"{path}: a URDF has its own scale; expected no other, got {scale:g}")
         mesh, body, held = read_rigid(path)
@@ -96,7 +96,7 @@ def meshes_of(robot: Robot, folder: Path | None = None) -> dict[str, trimesh.Tri
     """
     if folder is not None:
         return from_folder(folder, robot.link_names)
-    if robot.file is not None and robot.file.suffix != ".yaml":
+    if robot.file is not None and robot.file.suffix.lower() != ".yaml":
         return _of_chain(read_chain(robot.file, robot.tip), None)
     if not in_library(robot) or robot.name not in airo_models.AIRO_MODEL_NAMES:
         raise RobotError(

@@ -129,7 +129,7 @@ def decompose(
         robot, surfaces = read_tool(Path(arm), scale) if rigid else read_arm(arm, meshes, tip)
     except RobotError as error:
         raise click.ClickException(str(error)) from error
-    if Path(arm).suffix in URDF_SUFFIXES and not rigid:
+    if Path(arm).suffix.lower() in URDF_SUFFIXES and not rigid:
         click.echo(f"{arm}: {chain_of(robot, tip)}", err=True)
     if robot.held:
         click.echo(f"{arm}: held at zero: {', '.join(robot.held)}", err=True)

@@ -8,8 +8,9 @@ import trimesh
 
 from contactsense import Scene, robots
 from contactsense.robots.decomposition import mesh_sources
-from contactsense.robots.decomposition.mesh_sources import meshes_of, read_tool, skin_grids
+from contactsense.robots.decomposition.mesh_sources import meshes_of, read_arm, read_tool, skin_grids
 from contactsense.robots.decomposition.yaml_export import text, tool_text
+from contactsense.robots.meshes import from_folder
 from contactsense.robots.primitives import Sphere
 from tests.robots.test_urdf import JOINT, LINK, arm, write
 
@@ -129,6 +130,38 @@ def test_a_tool_is_a_mesh_or_a_urdf(tmp_path: Path) -> None:
         robots.load(tmp_path / "box.stl")
     with pytest.raises(robots.RobotError, match=r"expected a mesh .* got '.txt'"):
         read_tool(tmp_path / "box.txt")
+
+
+def test_endings_in_capitals_are_those_in_lower_case(tmp_path: Path) -> None:
+    """Some programs write names in capitals."""
+    path = write(tmp_path, arm(2))
+    urdf = path.rename(tmp_path / "ARM.URDF")
+    robot = robots.load(urdf)
+    own, _ = read_arm(str(urdf), None)
+    assert own.link_names == robot.link_names
+    assert set(meshes_of(robot)) == {"link0", "link1", "link2"}
+    copy = tmp_path / "ARM.YAML"
+    copy.write_text((Path(robots.__file__).parent / "ur3.yaml").read_text())
+    assert robots.load(copy).mass == pytest.approx(robots.load("ur3").mass)
+    with pytest.raises(robots.RobotError, match="ur3: no meshes known"):
+        meshes_of(robots.load(copy))
+    assert read_tool(urdf)[0].name == "ARM"
+    with pytest.raises(robots.RobotError, match=r"BOX.STL: a mesh, not an arm"):
+        robots.load(tmp_path / "BOX.STL")
+
+
+def test_meshes_of_a_folder_may_have_endings_in_capitals(tmp_path: Path) -> None:
+    def written(name: str, size: float) -> None:
+        trimesh.creation.box((size, size, size)).export(tmp_path / name, file_type="stl")
+
+    written("a.STL", 0.1)
+    written("b.Stl", 0.2)
+    extents = {name: mesh.extents[0] for name, mesh in from_folder(tmp_path, ("a", "b")).items()}
+    assert extents == pytest.approx({"a": 0.1, "b": 0.2})
+    written("a.stl", 0.3)
+    assert from_folder(tmp_path, ("a",))["a"].extents[0] == pytest.approx(0.3)
+    with pytest.raises(robots.RobotError, match="no mesh for link A"):
+        from_folder(tmp_path, ("A",))
 
 
 def test_a_tools_text_is_a_scenes_field(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ def test_only_relative_paths_are_located() -> None:
     assert os.path.normpath(found["robot"]) == "/cells/arm.urdf"
     assert found["kinematics"] == "/cells/a/arm.yaml"
     assert (found["meshes"], found["mounting"]) == ("/meshes", "table.yaml")
+    assert located({"robot": "ARM.URDF"}, Path("/cells")) == {"robot": "/cells/ARM.URDF"}
     assert located({"robot": "ur5e", "meshes": None}, Path("/cells")) == {"robot": "ur5e", "meshes": None}
 
 
