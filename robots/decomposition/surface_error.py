@@ -188,27 +188,33 @@ HEADINGS = (
 
 
 def row(found: Errors) -> tuple[str, str, str]:
-    """Errors as text, in the columns of `HEADINGS`."""
+    """Errors as text, in the columns of `HEADINGS`; a dash where there are no samples."""
 
-    def lengths(values: np.ndarray) -> str:
-        return "/".join(f"{value * 1e3:.2f}" for value in np.percentile(np.abs(values), (50.0, 95.0, 100.0)))
+    def percentiles(values: np.ndarray, of: Sequence[float], digits: int) -> str:
+        if not len(values):
+            return "-"
+        return "/".join(f"{value:.{digits}f}" for value in np.percentile(values, of))
 
-    angles = "/".join(f"{value:.1f}" for value in np.degrees(np.percentile(found.angle, (50.0, 95.0))))
-    return lengths(found.skin), lengths(found.primitive), angles
+    skin, primitive = (
+        percentiles(np.abs(values) * 1e3, (50.0, 95.0, 100.0), 2) for values in (found.skin, found.primitive)
+    )
+    return skin, primitive, percentiles(np.degrees(found.angle), (50.0, 95.0), 1)
 
 
 def together(parts: Sequence[Errors]) -> Errors:
     """Errors of several links combined as one surface, each with a number of samples proportional to its
-    area."""
+    area. Links whose primitives are not exposed have no samples on these."""
     density = min(len(part.skin) / part.area for part in parts)
-    back = min(len(part.primitive) / part.area for part in parts)
+    exposed = [len(part.primitive) / part.area for part in parts if len(part.primitive)]
+    back = min(exposed, default=0.0)
     rng = np.random.default_rng(0)
     skin, primitive, angle = [], [], []
     for part in parts:
         some = rng.choice(len(part.skin), size=int(density * part.area), replace=False)
         skin.append(part.skin[some])
         angle.append(part.angle[some])
-        primitive.append(rng.choice(part.primitive, size=int(back * part.area), replace=False))
+        count = int(back * part.area) if len(part.primitive) else 0
+        primitive.append(rng.choice(part.primitive, size=count, replace=False))
     return Errors(
         np.concatenate(skin),
         np.concatenate(primitive),
