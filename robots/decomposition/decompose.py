@@ -13,7 +13,7 @@ import numpy as np
 import trimesh
 
 from contactsense.robots.decomposition.distance_samples import Shape, make_target
-from contactsense.robots.decomposition.initial_guess import additions, splits
+from contactsense.robots.decomposition.initial_guess import FEWEST, additions, splits
 from contactsense.robots.decomposition.least_squares_fit import Bodies, Target, cost, fit
 from contactsense.robots.decomposition.local_deviation import local_deviation
 from contactsense.robots.decomposition.neighbour_poses import neighbour_poses
@@ -82,7 +82,7 @@ def fit_link(
         One fit for each number of primitives, up to the first within tolerance or to the limit.
 
     Raises:
-        OutOfReachError: no part of the mesh can be reached by a finger.
+        OutOfReachError: no part of the mesh, or too small a part, can be reached by a finger.
         ValueError: the mesh has no area.
     """
     options = options or Options()
@@ -105,10 +105,12 @@ def fit_body(skin: Skin, around: Surroundings, axes: np.ndarray, options: Option
         As `fit_link`.
 
     Raises:
-        OutOfReachError: no part of the skin can be reached by a finger.
+        OutOfReachError: no part of the skin can be reached by a finger, or it has too few samples.
     """
     if not skin.exposure.any():
         raise OutOfReachError("no part of the mesh can be reached by a finger: its neighbours cover it")
+    if len(skin.points) < FEWEST:
+        raise _too_few(skin, options)
     search = _Search(skin, around, axes, options)
     found: list[Fit] = []
     while len(found) < options.most:
@@ -116,6 +118,13 @@ def fit_body(skin: Skin, around: Surroundings, axes: np.ndarray, options: Option
         if found[-1].p95 <= options.tolerance or _stalled([fit.cost for fit in found]):
             break
     return tuple(found)
+
+
+def _too_few(skin: Skin, options: Options) -> OutOfReachError:
+    return OutOfReachError(
+        f"too small a part of the mesh can be reached by a finger: {len(skin.points)} of {options.samples} "
+        "samples"
+    )
 
 
 def measured_fit(bodies: Bodies, skin: Skin, around: Surroundings, options: Options) -> Fit:
@@ -216,6 +225,8 @@ class _Search:
         ]
         if bodies is not None:
             trials += islice(splits(bodies, self._rng), 3 * len(bodies.kind))
+        if not trials:
+            raise _too_few(skin, options)
         quick = [self._refit(trial, self._coarse, 12) for trial in trials]
         best = [trials[i] for i in np.argsort(quick, kind="stable")[:3]]
         thorough = [self._refit(trial, self._target, 30) for trial in best]

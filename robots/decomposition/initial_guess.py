@@ -8,6 +8,12 @@ from contactsense.robots.decomposition.least_squares_fit import Bodies
 from contactsense.robots.rotations import frame_along
 from contactsense.robots.surface.convex_primitives import BOX, REVOLVED
 
+FEWEST = 20
+"""A guess is made from at least as many samples of the skin."""
+_TRIES = 1000
+"""The guesses end after as many tries without one: the samples are too few, or too far apart. On the skin of
+a link, about every second try gives a guess."""
+
 
 def one(kind: int, rotation: np.ndarray, origin: np.ndarray, size: tuple[float, ...]) -> Bodies:
     """A single body of that kind, with its axes as columns (3, 3), its middle (3,) [m] and its size [m]."""
@@ -66,7 +72,7 @@ def additions(
     boxes: bool,
     rng: np.random.Generator,
 ) -> Iterator[Bodies]:
-    """An endless sequence of guesses for one more body.
+    """Guesses for one more body, without end unless the skin has too few samples.
 
     Args:
         points, normals: Skin, shape (N, 3) each.
@@ -78,14 +84,15 @@ def additions(
     """
     probability = misfit / misfit.sum()
     extent = float(np.linalg.norm(points.max(axis=0) - points.min(axis=0)))
-    while True:
+
+    def guess() -> Bodies | None:
         seed = int(rng.choice(len(points), p=probability))
         reach = rng.uniform(0.05, 0.6) * extent
         near = np.linalg.norm(points - points[seed], axis=1) < reach
         if rng.random() < 0.5:  # only points that are not yet fitted
             near &= misfit > np.percentile(misfit, 60.0)
-        if near.sum() < 20:
-            continue
+        if near.sum() < FEWEST:
+            return None
         p, n = points[near], normals[near]
         choice = rng.integers(6)
         if choice == 0:
@@ -96,19 +103,26 @@ def additions(
             a, b = rng.choice(len(n), size=2, replace=False)
             axis = np.cross(n[a], n[b])
             if np.linalg.norm(axis) < 0.2:
-                continue
+                return None
         else:
             axis = axes[rng.integers(len(axes))]
         if boxes and rng.random() < 0.25:
             spread = np.linalg.eigh(n.T @ n)[1] if rng.random() < 0.5 else frame_along(axis)
-            yield box(p, spread * np.sign(np.linalg.det(spread)), least)
-            continue
+            return box(p, spread * np.sign(np.linalg.det(spread)), least)
         if rng.random() < 0.15:
             ball = rng.uniform(0.2, 0.5) * reach
-            yield one(REVOLVED, frame_along(axis), points[seed] - ball * normals[seed], (0.0, 0.0, 0.0, ball))
-            continue
-        body = revolved(p, n, axis, least)
-        if body is not None:
+            return one(
+                REVOLVED, frame_along(axis), points[seed] - ball * normals[seed], (0.0, 0.0, 0.0, ball)
+            )
+        return revolved(p, n, axis, least)
+
+    failed = 0
+    while failed < _TRIES:
+        body = guess()
+        if body is None:
+            failed += 1
+        else:
+            failed = 0
             yield body
 
 
