@@ -17,7 +17,7 @@ from contactsense.localization.surface_samples import SurfaceSamples, SurfaceSub
 from contactsense.residuals.joint_friction import JointTorqueModel, joint_torque_model
 from contactsense.robots.jit.declaration import Floats, Integers
 from contactsense.robots.surface.convex_primitives import Surfaces
-from contactsense.scene import Scene
+from contactsense.scene import Scene, SceneError
 from contactsense.scene_model.arm_model import model_with_tool
 from contactsense.scene_model.deviation_cells import deviation_cells
 from contactsense.scene_model.left_out_links import left_out_links, unsearched_surfaces
@@ -91,11 +91,20 @@ def sizes_of(constants: Constants) -> dict[str, int]:
 
 
 def build_constants(scene: Scene) -> Constants:
-    """Constant arrays for the kernels."""
+    """Constant arrays for the kernels.
+
+    Raises:
+        SceneError: no part of the surface can be touched, in any posture.
+    """
     torque, base = scene.joint_torque or JointTorqueSensor(), scene.base_wrench or WrenchSensor()
     surfaces = scene_surfaces(scene)
     unsearched = unsearched_surfaces(scene)
     samples, subsamples, area = sample_surface(surfaces, float(unsearched.area.sum()))
+    if not len(samples.point):
+        raise SceneError(
+            "bodies: expected a part of the touchable surface that is free, got none: bodies cover all of "
+            f"{', '.join(scene.touchable_links)}, so that no place can be touched in any posture"
+        )
     deviations = deviation_cells(scene, surfaces)
     samples = with_deviations(samples, surfaces, deviations)
     subsamples = with_deviations(subsamples, surfaces, deviations)

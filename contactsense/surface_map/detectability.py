@@ -151,13 +151,15 @@ def detectability(
     constants, motion = build_constants(scene), empty_motion(joints)
     forward_kinematics(constants.model, q, motion)
     response = sensor_response(scene, constants, motion)
-    coarse, fine = (
-        cell_evidence(response[cells.link], cells, constants.prior, force)
-        for cells in (
-            touchable_places(constants, motion, constants.samples),
-            touchable_places(constants, motion, constants.subsamples),
+    surface = [
+        touchable_places(constants, motion, samples) for samples in (constants.samples, constants.subsamples)
+    ]
+    if not all(len(cells.link) for cells in surface):
+        raise ValueError(
+            "q: no place can be touched in this posture: other links or bodies of the scene cover the whole "
+            "touchable surface"
         )
-    )
+    coarse, fine = (cell_evidence(response[cells.link], cells, constants.prior, force) for cells in surface)
     places = Places(*(values[::every] for values in coarse.cells))
     at_place = response[places.link]
     weakest = smallest_force(at_place, detected_size(scene, detection), places.point, places.normal)

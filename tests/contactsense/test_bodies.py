@@ -62,6 +62,13 @@ def test_what_stands_at_the_base_covers_it_in_all_postures() -> None:
     assert cover_distances(bare.surfaces, lower).min() == np.inf
 
 
+def test_a_base_that_is_covered_and_all_that_can_be_touched_is_refused() -> None:
+    ball = Sphere(center=(0.0, 0.0, 0.05), radius=0.5)
+    hood = Body(name="hood", role="cover", primitives=(ball,))
+    with pytest.raises(SceneError, match=r"^bodies: .*: bodies cover all of base, so that no place can be"):
+        build_constants(Scene(robot=ARM, touchable=("base",), bodies=(hood,)))
+
+
 def test_a_place_behind_a_wall_is_not_blamed() -> None:
     """The folded forearm lies beside the upper arm. A push through both, along the elbow's axis, is one on
     either of them for the base sensor alone, until something stands in the gap between them."""

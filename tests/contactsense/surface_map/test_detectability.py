@@ -12,6 +12,9 @@ from contactsense.detection.thresholds import SampleThresholds
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import empty_motion
 from contactsense.robots import load
+from contactsense.robots.link_poses import link_poses
+from contactsense.robots.primitives import Sphere
+from contactsense.robots.surroundings import Body
 from contactsense.scene_model.constants import build_constants
 from contactsense.surface_map.place_error import place_covariance, radius_of_share
 from contactsense.surface_map.places import touchable_places
@@ -171,6 +174,15 @@ def test_the_radius_holds_its_share() -> None:
 def test_wrong_arguments_are_told(fields: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         detectability(scene(), **{"q": Q} | fields)
+
+
+def test_a_posture_in_which_bodies_cover_everything_is_refused() -> None:
+    wrist = link_poses(load("ur5e"), Q)[6, :3, 3]
+    ball = Sphere(center=tuple(wrist.tolist()), radius=0.3)
+    covered = scene(touchable=("wrist_3",), bodies=(Body(name="hood", role="cover", primitives=(ball,)),))
+    with pytest.raises(ValueError, match=r"^q: no place can be touched in this posture"):
+        detectability(covered, Q)
+    assert (detectability(covered, -Q, every=20).link == 6).all()
 
 
 @pytest.mark.slow
