@@ -47,4 +47,6 @@ def neighbour_poses(
 
 def _angle(joint: Joint, rng: np.random.Generator) -> float:
     low, high = joint.position_limits
-    return float(rng.uniform(max(low, -np.pi), min(high, np.pi)))
+    if high - low >= 2.0 * np.pi:  # all poses repeat after one turn
+        low, high = -np.pi, np.pi
+    return float(rng.uniform(low, high))
