@@ -55,10 +55,12 @@ class TouchedBody:
             primitive: Index of the touched primitive among the link's own.
             point: Contact point, base frame, shape (3,) [m].
             force: Force on the robot, base axes, shape (3,) [N].
-            covariance: Covariance of the point, shape (3, 3) [m^2].
+            covariance: Covariance of the point, shape (3, 3) [m^2]; not finite if the place is unknown.
         """
         if link == 0:
             return self._of_base[primitive]
+        if not np.isfinite(covariance).all():  # an unknown place is within reach of nothing
+            return ""
         for body, surfaces in self._obstacles:
             if self._touches(body, surfaces, link, point, force, covariance):
                 return body.name
