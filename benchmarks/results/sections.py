@@ -135,9 +135,8 @@ table apply to all tables below it.
         Section(
             "Two contacts on a moving arm",
             f"""Pairs on different links, one sample per estimate: [several contacts](multi_contact.md). They
-are of another seed than that with which the method was tuned:
-
-    {MAKE_PAIRS}""",
+are of another seed than that with which the method was tuned, made by
+`{MAKE_PAIRS}`.""",
             f"contactsense bench several --robot ur5e --truth {PAIRS}",
         ),
         Section(
