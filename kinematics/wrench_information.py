@@ -7,6 +7,7 @@ writes overlap.
 
 import numpy as np
 
+from contactsense.kinematics.spatial import Six
 from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
 from contactsense.robots.vectors import Vector
 
@@ -109,6 +110,16 @@ def dot(a: Vector, b: Vector) -> float:
 def matvec(B: Block, a: Vector) -> Vector:
     """B a, with B a block, a tuple of rows."""
     return dot(B[0], a), dot(B[1], a), dot(B[2], a)
+
+
+@inlined_fused_kernel
+def symmetric_matvec(S: Six, a: Vector) -> Vector:
+    """S a, with S a symmetric matrix, its upper triangle (xx, xy, xz, yy, yz, zz)."""
+    return (
+        S[0] * a[0] + S[1] * a[1] + S[2] * a[2],
+        S[1] * a[0] + S[3] * a[1] + S[4] * a[2],
+        S[2] * a[0] + S[4] * a[1] + S[5] * a[2],
+    )
 
 
 @inlined_fused_kernel

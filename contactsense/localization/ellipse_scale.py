@@ -8,7 +8,8 @@ plane, 16/3 for a uniform ellipse.
 """
 
 from contactsense.kinematics.spatial import Six
-from contactsense.localization.place_covariance import along_tangents, times
+from contactsense.kinematics.wrench_information import symmetric_matvec
+from contactsense.localization.place_covariance import along_tangents
 from contactsense.localization.surface_cells import SurfaceCells
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.vectors import Vector, dot, tangents
@@ -68,7 +69,7 @@ def scaled_along_surface(C: Six, normal: Vector, factor: float) -> Six:
     """C (xx, xy, xz, yy, yz, zz) times a factor, but for the variance along the normal: how far a place lies
     below the tangent plane, as on the far side of a link, is as uncertain as before."""
     x, y, z = normal
-    kept = (1.0 - factor) * dot(normal, times(C, normal))
+    kept = (1.0 - factor) * dot(normal, symmetric_matvec(C, normal))
     return (
         factor * C[0] + kept * x * x,
         factor * C[1] + kept * x * y,

@@ -1,6 +1,7 @@
 """Covariance of a place on a surface: along two tangents, or as a matrix in the axes of a frame."""
 
 from contactsense.kinematics.spatial import Six
+from contactsense.kinematics.wrench_information import symmetric_matvec
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.vectors import Vector, dot
 from contactsense.solvers.posterior.friction_tails import Variances
@@ -29,15 +30,5 @@ def from_tangents(variances: Variances, tangents: Tangents) -> Six:
 def along_tangents(C: Six, tangents: Tangents) -> Variances:
     """The covariance along two tangents of a matrix C (xx, xy, xz, yy, yz, zz)."""
     s, t = tangents
-    a, b = times(C, s), times(C, t)
+    a, b = symmetric_matvec(C, s), symmetric_matvec(C, t)
     return dot(s, a), dot(t, a), dot(t, b)
-
-
-@fused_kernel
-def times(C: Six, a: Vector) -> Vector:
-    """C a for a symmetric matrix C (xx, xy, xz, yy, yz, zz)."""
-    return (
-        C[0] * a[0] + C[1] * a[1] + C[2] * a[2],
-        C[1] * a[0] + C[3] * a[1] + C[4] * a[2],
-        C[2] * a[0] + C[4] * a[1] + C[5] * a[2],
-    )

@@ -8,6 +8,10 @@ import pyarrow.parquet as pa_parquet
 
 from contactsense.service.recordings.metadata import PREFIX
 
+CLIP, CONTINUOUS = "clip", "service"
+"""First parts of the names of what a service writes: clips, and the files of a recording; and their tables'
+names in the metadata."""
+
 
 class ClipFile(NamedTuple):
     """What a file says of its clip."""
@@ -20,7 +24,7 @@ class ClipFile(NamedTuple):
 
 def clip_names(folder: Path) -> list[str]:
     """Names of the clips in a folder, the oldest first; none if there is no such folder."""
-    return sorted(path.name for path in folder.glob("clip-*.parquet"))
+    return sorted(path.name for path in folder.glob(f"{CLIP}-*.parquet"))
 
 
 def read_clip_file(path: Path) -> ClipFile:

@@ -18,6 +18,7 @@ import pyarrow as pa
 from pydantic import BaseModel, ConfigDict, PositiveFloat
 
 from contactsense.scene import Scene
+from contactsense.service.recordings.clip_files import CLIP, CONTINUOUS
 from contactsense.service.recordings.metadata import metadata, removed_delays
 from contactsense.service.recordings.parquet_files import write_parquet
 from contactsense.service.recordings.sample_rows import Ring, SampleRows
@@ -141,10 +142,10 @@ class ClipListener:
                     self._report_clip(*value)
                 elif kind == "rows":
                     if writer is None:
-                        meta = metadata(self._scene, table="service", **removed_delays(self._scene))
+                        meta = metadata(self._scene, table=CONTINUOUS, **removed_delays(self._scene))
                         limit = Rotation(disk_megabytes=self._settings.disk_megabytes)
                         writer = SegmentWriter(
-                            self._folder, "service", self._rows.names, meta, limit, rate=self._rate
+                            self._folder, CONTINUOUS, self._rows.names, meta, limit, rate=self._rate
                         )
                     for row in self._rows.stored(value):
                         writer.add(row)
@@ -183,9 +184,9 @@ class ClipListener:
         """Write a clip; returns the name of its file."""
         self._folder.mkdir(parents=True, exist_ok=True)
         stamp = time.strftime("%Y%m%dT%H%M%S", time.gmtime(wanted.end))
-        path = self._folder / f"clip-{stamp}-{wanted.number:06d}.parquet"
-        meta = metadata(self._scene, table="clip", reason=wanted.reason, **removed_delays(self._scene))
+        path = self._folder / f"{CLIP}-{stamp}-{wanted.number:06d}.parquet"
+        meta = metadata(self._scene, table=CLIP, reason=wanted.reason, **removed_delays(self._scene))
         arrays = [pa.array(np.ascontiguousarray(column)) for column in self._rows.stored(rows).T]
         write_parquet(pa.table(dict(zip(self._rows.names, arrays, strict=True)), metadata=meta), path)
-        remove_oldest(self._folder, "clip", int(1e6 * self._settings.disk_megabytes))
+        remove_oldest(self._folder, CLIP, int(1e6 * self._settings.disk_megabytes))
         return path.name

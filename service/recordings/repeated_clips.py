@@ -7,8 +7,8 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pa_parquet
 
-CLIP, CONTINUOUS = "clip", "service"
-"""Prefixes of what a service writes: clips, and the files of a recording."""
+from contactsense.service.recordings.clip_files import CLIP, CONTINUOUS
+
 _TIME = "host_time"
 _JOINED = 0.5
 """Files of a recording with less time than this between them are one stretch [s]."""

@@ -26,6 +26,7 @@ from contactsense.kinematics.wrench_information import (
     matvec,
     shift_information,
     shift_vector,
+    symmetric_matvec,
     transposed_matvec,
 )
 from contactsense.robots.jit.kernel import inlined_fused_kernel
@@ -110,7 +111,8 @@ def gauss_newton_equations(
     """
     (cx, cy, cz), normal, _, _ = contact
     t1, t2 = tangents(normal)
-    w1, w2 = _shape_along(W, t1), _shape_along(W, t2)
+    # How the normal turns with a step along each tangent.
+    w1, w2 = symmetric_matvec(W, t1), symmetric_matvec(W, t2)
     columns = (normal, _moment_of_step(contact, t1, w1), _moment_of_step(contact, t2, w2))
     F, D, M = shift_information(*information, cx, cy, cz)
     df, dm = _residual(w, contact)
@@ -124,16 +126,6 @@ def gauss_newton_equations(
     energy = 0.5 * (misfit + prior.torsion_ratio * prior.torsion_ratio)
     energy += energy_of_force(log_force, prior.squared_ratio, friction_ratio)
     return matrix, gradient, (t1, t2), energy
-
-
-@inlined_fused_kernel
-def _shape_along(W: Six, t: Vector) -> Vector:
-    """How the normal turns with a step along a tangent: W t."""
-    return (
-        W[0] * t[0] + W[1] * t[1] + W[2] * t[2],
-        W[1] * t[0] + W[3] * t[1] + W[4] * t[2],
-        W[2] * t[0] + W[4] * t[1] + W[5] * t[2],
-    )
 
 
 @inlined_fused_kernel

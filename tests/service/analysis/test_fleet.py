@@ -3,7 +3,6 @@ begun."""
 
 import json
 import os
-import re
 import signal
 import time
 from dataclasses import replace
@@ -23,33 +22,16 @@ from contactsense.benchmarks.fleet.dataset import (
     plan,
     write_scenes,
 )
-from contactsense.scene import Scene, SceneError
+from contactsense.scene import Scene
 from contactsense.service.analysis.fleet.report import _text, _when, write_fleet_report
 from contactsense.service.analysis.fleet.run import analyze_fleet
-from contactsense.service.analysis.fleet.scenes import robot_scenes
 from contactsense.service.analysis.fleet.segments import find_recordings, segments
 from contactsense.service.analysis.fleet.summary import RobotSummary
 from contactsense.service.analysis.fleet.worker_pool import WorkerPoolError, run_tasks
 from contactsense.service.cli.analyze import analyze
 from contactsense.service.recordings.metadata import metadata, scene_hash
+from tests.service.analysis.datasets import carrying, dataset
 from tests.service.analysis.recordings import demo, write_motion
-
-
-def _dataset(folder: Path, rounds: int = 1) -> Path:
-    """Two robots, three recordings and a broken one."""
-    for robot, date in (("a", "2026-01-01"), ("a", "2026-01-02"), ("b", "2026-01-01")):
-        here = folder / f"robot={robot}" / f"date={date}"
-        here.mkdir(parents=True)
-        write_motion(demo(), here / "one.parquet", rounds)
-    (folder / "robot=b" / "date=2026-01-01" / "two.parquet").write_bytes(b"broken")
-    return folder
-
-
-@pytest.fixture(scope="module")
-def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("scene") / "scene.yaml"
-    path.write_text("robot: ur5e\n")
-    return path
 
 
 def _work(task: tuple[int, Path]) -> int:
@@ -63,7 +45,7 @@ def _work(task: tuple[int, Path]) -> int:
 
 
 def test_recordings_and_their_place_in_the_dataset(tmp_path: Path) -> None:
-    found = find_recordings((_dataset(tmp_path),))
+    found = find_recordings((dataset(tmp_path),))
     assert next((file.name, file.robot, file.date) for file in found) == (
         "robot=a/date=2026-01-01/one.parquet", "a", "2026-01-01",
     )  # fmt: skip
@@ -103,7 +85,7 @@ def test_what_a_recorder_that_was_killed_left_is_a_recording(tmp_path: Path, sce
 
 @pytest.mark.parametrize("out", ["data", "data/results", "data/robot=a"])
 def test_the_results_of_an_earlier_run_are_no_recordings(tmp_path: Path, out: str) -> None:
-    data, results = _dataset(tmp_path / "data"), tmp_path / out
+    data, results = dataset(tmp_path / "data"), tmp_path / out
     before = find_recordings((data,), results)
     for name in ("contacts/robot=a/date=unknown/part-0", "parts/1/a-0", "robots", "days"):
         (results / name).parent.mkdir(parents=True, exist_ok=True)
@@ -177,7 +159,7 @@ def test_a_clock_that_is_set_back_loses_no_contacts_and_no_time(tmp_path: Path, 
 
 @pytest.mark.slow
 def test_results_do_not_depend_on_the_workers_and_are_not_made_twice(tmp_path: Path, scene: Path) -> None:
-    data = _dataset(tmp_path / "data")
+    data = dataset(tmp_path / "data")
     one = analyze_fleet((data,), scene, tmp_path / "one")
     assert one.skipped == 1
     (told,) = [text for text in one.problems if "two.parquet" in text]
@@ -200,7 +182,7 @@ def test_results_do_not_depend_on_the_workers_and_are_not_made_twice(tmp_path: P
 
 @pytest.mark.slow
 def test_worker_processes_give_what_one_gives(tmp_path: Path, scene: Path) -> None:
-    data = _dataset(tmp_path / "data")
+    data = dataset(tmp_path / "data")
     one = analyze_fleet((data,), scene, tmp_path / "one")
     two = analyze_fleet((data,), scene, tmp_path / "two", workers=2)
     assert two.contacts.equals(one.contacts)
@@ -258,7 +240,7 @@ def test_a_dask_cluster_does_the_same(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_the_command_reports_what_was_skipped(tmp_path: Path, scene: Path) -> None:
-    data = _dataset(tmp_path / "data")
+    data = dataset(tmp_path / "data")
     result = CliRunner().invoke(
         analyze, [str(data), "--scene", str(scene), "--out", str(tmp_path / "out"), "--json"]
     )
@@ -307,8 +289,8 @@ def test_a_robot_without_a_usable_sample_is_unknown(tmp_path: Path, scene: Path)
 
 def test_a_robot_whose_files_are_broken_is_listed(tmp_path: Path, scene: Path) -> None:
     data, out = tmp_path / "data", tmp_path / "out"
-    _carrying(data, "a", Scene(robot="ur5e"))
-    _carrying(data, "b", None)
+    carrying(data, "a", Scene(robot="ur5e"))
+    carrying(data, "b", None)
     arguments = [str(data), "--scene", str(scene), "--out", str(out), "--json"]
     result = CliRunner().invoke(analyze, arguments)
     assert result.exit_code == 1
@@ -372,107 +354,6 @@ def test_what_the_recorder_wrote_is_a_dataset(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     assert json.loads(result.stdout)["contacts"] == 1
     assert scene_hash(Scene.load(tmp_path / "out" / "scenes" / "unknown.yaml")) == scene_hash(scene)
-
-
-def test_each_robot_may_have_its_own_scene(tmp_path: Path, scene: Path) -> None:
-    data = _dataset(tmp_path / "data")
-    files = find_recordings((data,))
-    assert robot_scenes(scene, files, tmp_path).paths == {"a": scene.resolve(), "b": scene.resolve()}
-    with pytest.raises(
-        SceneError, match=r"robot a: expected a scene file .*robot=a/scene.yaml, .* carries no scene"
-    ):
-        robot_scenes(None, files, tmp_path)
-    for robot in "ab":
-        (data / f"robot={robot}" / "scene.yaml").write_text("robot: ur5e\n")
-    assert robot_scenes(None, files, tmp_path).paths["b"] == data / "robot=b" / "scene.yaml"
-    folder = tmp_path / "scenes"
-    folder.mkdir()
-    (folder / "a.yaml").write_text("robot: ur5e\n")
-    found = robot_scenes(folder, files, tmp_path)
-    assert found.paths == {"a": (folder / "a.yaml").resolve()}
-    assert re.match(r"robot b: expected a scene file .*b.yaml", found.missing["b"])
-
-
-def _carrying(folder: Path, robot: str, *scenes: Scene | None) -> None:
-    """Recordings of a robot that carry these scenes; None: a broken file."""
-    here = folder / f"robot={robot}"
-    here.mkdir(parents=True)
-    for i, scene in enumerate(scenes):
-        path = here / f"{i}.parquet"
-        write_motion(demo(), path, last=2300)
-        if scene is None:
-            path.write_bytes(b"broken")
-        else:
-            table = pa_parquet.read_table(path)
-            pa_parquet.write_table(table.replace_schema_metadata(metadata(scene)), path)
-
-
-def test_one_broken_file_or_one_robot_without_a_scene_does_not_end_the_analysis(tmp_path: Path) -> None:
-    data, out = tmp_path / "data", tmp_path / "out"
-    _carrying(data, "a", None, Scene(robot="ur5e", clear=0.9))
-    _carrying(data, "b", None, None)
-    (data / "robot=c").mkdir()
-    write_motion(demo(), data / "robot=c" / "0.parquet", last=2300)
-    (data / "robot=c" / "scene.yaml").write_text("robot: ur5f\n")
-    result = CliRunner().invoke(analyze, [str(data), "--out", str(out), "--json"])
-    assert result.exit_code == 1
-    found = json.loads(result.stdout)
-    assert found["contacts"] == 1
-    assert next(robot["recordings"] for robot in found["robots"] if robot["robot"] == "a") == 1
-    assert "recordings that were skipped: 4" in result.stderr
-    without, wrong, broken = found["problems"]
-    assert without.startswith("robot b: expected a scene file")
-    assert without.endswith("2 recordings were skipped")
-    assert wrong.startswith("robot c: ")
-    assert "ur5f" in wrong
-    assert broken.startswith("robot=a/0.parquet: cannot read the recording")
-
-
-def test_robots_whose_sensors_determine_no_force_are_named(tmp_path: Path) -> None:
-    data, out = tmp_path / "data", tmp_path / "out"
-    _carrying(data, "a", Scene(robot="ur5e"))
-    _carrying(data, "b", Scene(robot="ur5e", base_wrench=None))
-    result = CliRunner().invoke(analyze, [str(data), "--out", str(out)])
-    assert result.exit_code == 0, result.output
-    for text in (result.stdout, (out / "fleet.html").read_text()):
-        assert text.count("joint torques alone do not determine a force") == 1
-        assert "b: No force/torque sensor measures pushes" in text
-
-
-def test_a_folder_of_scenes_may_lack_one(tmp_path: Path) -> None:
-    data, scenes = tmp_path / "data", tmp_path / "scenes"
-    for robot in "ab":
-        _carrying(data, robot, Scene(robot="ur5e"))
-    scenes.mkdir()
-    (scenes / "b.yaml").write_text("robot: ur5e\n")
-    arguments = [str(data), "--scene", str(scenes), "--out", str(tmp_path / "out")]
-    result = CliRunner().invoke(analyze, arguments)
-    assert result.exit_code == 1
-    assert "robot a: expected a scene file" in result.stderr
-    assert "recordings that were skipped: 1" in result.stderr
-    assert "| b | 1 |" in result.stdout
-
-
-@pytest.mark.long
-def test_the_scene_of_a_robot_is_used_for_its_recordings_only(tmp_path: Path) -> None:
-    data = _dataset(tmp_path / "data")
-    (data / "robot=a" / "scene.yaml").write_text("robot: ur5e\n")
-    (data / "robot=b" / "scene.yaml").write_text("robot: ur10e\nfalse_alarms_per_hour: 1\n")
-    found = analyze_fleet((data,), None, tmp_path / "out")
-    assert [robot.scene.robot.name for robot in found.robots] == ["ur5e", "ur10e"]
-    # The other arm's masses: everything looks like a contact.
-    assert found.robots[0].contacts == 16
-    assert found.robots[1].touched > 0.5 * found.robots[1].samples
-    write_fleet_report(found, tmp_path / "out")
-    text = (tmp_path / "out" / "fleet.html").read_text()
-    assert text.count('<canvas class="arm">') == 2
-    assert "<h3>ur10e: b</h3>" in text
-    (data / "robot=b" / "scene.yaml").write_text("robot: ur5e\n")
-    parts = {path.stat().st_mtime_ns for path in (tmp_path / "out" / "parts").rglob("*.json")}
-    again = analyze_fleet((data,), None, tmp_path / "out")
-    assert [robot.contacts for robot in again.robots] == [16, 8]
-    kept = [p for p in (tmp_path / "out" / "parts").rglob("*.json") if p.stat().st_mtime_ns in parts]
-    assert len(kept) == len(parts)
 
 
 @pytest.mark.slow

@@ -9,12 +9,10 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pa_parquet
 import pytest
-import yaml
 from click.testing import CliRunner
 from scipy.spatial.transform import Rotation
 
 from contactsense import Scene, WrenchSensor
-from contactsense.sensors.settings import LinkWrenchSensor
 from contactsense.service.analysis import Analysis
 from contactsense.service.analysis import analyze as run_analysis
 from contactsense.service.analysis.contact_summary import millimetres
@@ -24,36 +22,9 @@ from contactsense.service.analysis.fleet.summary import FleetSummary
 from contactsense.service.analysis.health import warning
 from contactsense.service.analysis.report import _code
 from contactsense.service.analysis.residual_statistics import ResidualSummary
-from contactsense.service.analysis.undetermined_forces import undetermined_forces
 from contactsense.service.cli.analyze import analyze
 from contactsense.service.recordings.metadata import metadata
 from tests.service.analysis.recordings import demo, write_motion
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Recording, scene, limits, and the results of the command in `out`."""
-    folder = tmp_path_factory.mktemp("report")
-    write_motion(demo(), folder / "demo.parquet", last=4500)
-    (folder / "scene.yaml").write_text("robot: ur5e\n")
-    (folder / "limits.yaml").write_text(
-        yaml.safe_dump(
-            {
-                "provenance": "measured <by> us",
-                "regions": [{"name": "hand", "quasi_static": 22.0, "transient": 900.0}],
-            }
-        )
-    )
-    result = CliRunner().invoke(
-        analyze,
-        [
-            str(folder / "demo.parquet"), "--scene", str(folder / "scene.yaml"), "--out", str(folder / "out"),
-            "--limits", str(folder / "limits.yaml"), "--estimates", "--json",
-        ],
-    )  # fmt: skip
-    assert result.exit_code == 0, result.output
-    (folder / "result.json").write_text(result.stdout)
-    return folder
 
 
 @pytest.mark.parametrize(
@@ -335,69 +306,6 @@ def test_the_terminal_compares_with_limits_and_names_their_source(folder: Path, 
     rows = within.partition("duration")[2].partition("above")[0].splitlines()
     assert "m/s" in rows[1]
     assert max(len(row.rstrip()) for row in rows) <= 80
-
-
-@pytest.mark.parametrize("last", [500, 2600])
-def test_forces_that_no_sensor_determines_are_warned_of(tmp_path: Path, last: int) -> None:
-    """Beside the contacts and beside the limits, also where the scene has a sensor that the file lacks."""
-    path = write_motion(demo(), tmp_path / "demo.parquet", last=last)
-    table = pa_parquet.read_table(path)
-    pa_parquet.write_table(table.drop_columns([f"base_wrench_{i}" for i in range(6)]), path)
-    (tmp_path / "scene.yaml").write_text("robot: ur5e\n")
-    limits = tmp_path / "limits.yaml"
-    limits.write_text("provenance: us\nregions: [{name: hand, quasi_static: 900, transient: 900}]\n")
-    arguments = [str(path), "--scene", str(tmp_path / "scene.yaml"), "--out", str(tmp_path / "out")]
-    result = CliRunner().invoke(analyze, [*arguments, "--limits", str(limits)])
-    assert result.exit_code == 0, result.output
-    warning = "joint torques alone do not determine a force"
-    assert warning in result.stdout
-    assert "a contact that is above no limit may have been above one" in result.stdout
-    for name in ("report.md", "report.html"):
-        contacts, under_limits = (tmp_path / "out" / name).read_text().split("Your limits")
-        assert contacts.count(warning) == under_limits.count(warning) == 1
-        assert "A contact that is above no limit may have been above one." in under_limits
-    result = CliRunner().invoke(analyze, [*arguments, "--json"])
-    assert warning in json.loads(result.stdout)[0]["undetermined_forces"]
-
-
-def test_no_force_is_doubted_where_a_sensor_measures_it(folder: Path) -> None:
-    assert json.loads((folder / "result.json").read_text())[0]["undetermined_forces"] == ""
-    for name in ("report.md", "report.html"):
-        assert "do not determine a force" not in (folder / "out" / name).read_text()
-
-
-def test_links_beyond_a_sensor_in_the_arm_are_determined() -> None:
-    sensor = LinkWrenchSensor(name="elbow", link="forearm")
-    scene = Scene(robot="ur5e", base_wrench=None, link_wrenches=(sensor,))
-    text = undetermined_forces(scene)
-    assert "measures pushes on base, shoulder, upper_arm, and" in text
-    assert "as on base and shoulder, may not be listed" in text
-    alone = undetermined_forces(scene.model_copy(update={"joint_torque": None}))
-    assert alone == "No sensor measures pushes on base, shoulder, upper_arm: they are not listed."
-    beyond = scene.model_copy(update={"touchable": ("forearm", "wrist_1")})
-    assert undetermined_forces(beyond) == ""
-    above = scene.model_copy(update={"touchable": ("upper_arm", "forearm")})
-    assert "little may not be listed" in undetermined_forces(above)
-
-
-def test_limits_in_each_others_place_are_warned_of(folder: Path, tmp_path: Path) -> None:
-    write_motion(demo(), tmp_path / "a.parquet", last=500)
-    limits = tmp_path / "limits.yaml"
-    limits.write_text(
-        "provenance: us\nregions:\n- {name: hand, quasi_static: 100, transient: 50}\n"
-        "- {name: arm, quasi_static: 100, transient: 100}\n"
-    )
-    arguments = [str(tmp_path / "a.parquet"), "--scene", str(folder / "scene.yaml"), "--limits", str(limits)]
-    result = CliRunner().invoke(analyze, [*arguments, "--out", str(tmp_path)])
-    warning = "Limits of hand: the transient one, 50 N, is below the quasi-static one, 100 N"
-    assert f"warning: {warning}" in result.stdout
-    texts = [result.stdout, *((tmp_path / name).read_text() for name in ("report.md", "report.html"))]
-    for text in texts:
-        assert text.count(warning) == 1
-        assert "Limits of arm" not in text
-    result = CliRunner().invoke(analyze, [*arguments, "--out", str(tmp_path), "--json"])
-    (told,) = json.loads(result.stdout)[0]["limits"]["warnings"]
-    assert told.startswith(warning)
 
 
 def test_contacts_as_arrows(folder: Path, tmp_path: Path) -> None:

@@ -1,0 +1,77 @@
+"""What stands beside forces and limits in terminal and reports where they may mislead."""
+
+import json
+from pathlib import Path
+
+import pyarrow.parquet as pa_parquet
+import pytest
+from click.testing import CliRunner
+
+from contactsense import Scene
+from contactsense.sensors.settings import LinkWrenchSensor
+from contactsense.service.analysis.undetermined_forces import undetermined_forces
+from contactsense.service.cli.analyze import analyze
+from tests.service.analysis.recordings import demo, write_motion
+
+
+@pytest.mark.parametrize("last", [500, 2600])
+def test_forces_that_no_sensor_determines_are_warned_of(tmp_path: Path, last: int) -> None:
+    """Beside the contacts and beside the limits, also where the scene has a sensor that the file lacks."""
+    path = write_motion(demo(), tmp_path / "demo.parquet", last=last)
+    table = pa_parquet.read_table(path)
+    pa_parquet.write_table(table.drop_columns([f"base_wrench_{i}" for i in range(6)]), path)
+    (tmp_path / "scene.yaml").write_text("robot: ur5e\n")
+    limits = tmp_path / "limits.yaml"
+    limits.write_text("provenance: us\nregions: [{name: hand, quasi_static: 900, transient: 900}]\n")
+    arguments = [str(path), "--scene", str(tmp_path / "scene.yaml"), "--out", str(tmp_path / "out")]
+    result = CliRunner().invoke(analyze, [*arguments, "--limits", str(limits)])
+    assert result.exit_code == 0, result.output
+    warning = "joint torques alone do not determine a force"
+    assert warning in result.stdout
+    assert "a contact that is above no limit may have been above one" in result.stdout
+    for name in ("report.md", "report.html"):
+        contacts, under_limits = (tmp_path / "out" / name).read_text().split("Your limits")
+        assert contacts.count(warning) == under_limits.count(warning) == 1
+        assert "A contact that is above no limit may have been above one." in under_limits
+    result = CliRunner().invoke(analyze, [*arguments, "--json"])
+    assert warning in json.loads(result.stdout)[0]["undetermined_forces"]
+
+
+def test_no_force_is_doubted_where_a_sensor_measures_it(folder: Path) -> None:
+    assert json.loads((folder / "result.json").read_text())[0]["undetermined_forces"] == ""
+    for name in ("report.md", "report.html"):
+        assert "do not determine a force" not in (folder / "out" / name).read_text()
+
+
+def test_links_beyond_a_sensor_in_the_arm_are_determined() -> None:
+    sensor = LinkWrenchSensor(name="elbow", link="forearm")
+    scene = Scene(robot="ur5e", base_wrench=None, link_wrenches=(sensor,))
+    text = undetermined_forces(scene)
+    assert "measures pushes on base, shoulder, upper_arm, and" in text
+    assert "as on base and shoulder, may not be listed" in text
+    alone = undetermined_forces(scene.model_copy(update={"joint_torque": None}))
+    assert alone == "No sensor measures pushes on base, shoulder, upper_arm: they are not listed."
+    beyond = scene.model_copy(update={"touchable": ("forearm", "wrist_1")})
+    assert undetermined_forces(beyond) == ""
+    above = scene.model_copy(update={"touchable": ("upper_arm", "forearm")})
+    assert "little may not be listed" in undetermined_forces(above)
+
+
+def test_limits_in_each_others_place_are_warned_of(folder: Path, tmp_path: Path) -> None:
+    write_motion(demo(), tmp_path / "a.parquet", last=500)
+    limits = tmp_path / "limits.yaml"
+    limits.write_text(
+        "provenance: us\nregions:\n- {name: hand, quasi_static: 100, transient: 50}\n"
+        "- {name: arm, quasi_static: 100, transient: 100}\n"
+    )
+    arguments = [str(tmp_path / "a.parquet"), "--scene", str(folder / "scene.yaml"), "--limits", str(limits)]
+    result = CliRunner().invoke(analyze, [*arguments, "--out", str(tmp_path)])
+    warning = "Limits of hand: the transient one, 50 N, is below the quasi-static one, 100 N"
+    assert f"warning: {warning}" in result.stdout
+    texts = [result.stdout, *((tmp_path / name).read_text() for name in ("report.md", "report.html"))]
+    for text in texts:
+        assert text.count(warning) == 1
+        assert "Limits of arm" not in text
+    result = CliRunner().invoke(analyze, [*arguments, "--out", str(tmp_path), "--json"])
+    (told,) = json.loads(result.stdout)[0]["limits"]["warnings"]
+    assert told.startswith(warning)
