@@ -94,6 +94,13 @@ class Joint(_WithArrays):
             raise ValueError(f"joint {self.name}: axis: expected a unit vector, got {axis.tolist()}")
         object.__setattr__(self, "axis", axis)
 
+    @property
+    def range_within_turn(self) -> tuple[float, float]:
+        """Lowest and highest angle between which the child link takes all of its poses [rad]: the limits, or
+        half a turn to either side where they leave room for a whole one."""
+        low, high = self.position_limits
+        return (-np.pi, np.pi) if high - low >= 2.0 * np.pi else (low, high)
+
 
 class LocalDeviation(NamedTuple):
     """How far the real surface is from a link's primitives about one place of them.

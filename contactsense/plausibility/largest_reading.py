@@ -114,8 +114,8 @@ def largest_torque_at_rest(scene: Scene) -> np.ndarray:
 
 
 def _reach(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest and highest joint positions, each shape (n,) [rad]; postures repeat beyond half a turn."""
-    low, high = np.clip([joint.position_limits for joint in scene.robot.joints], -np.pi, np.pi).T
+    """Lowest and highest joint positions of all postures, each shape (n,) [rad]."""
+    low, high = np.array([joint.range_within_turn for joint in scene.robot.joints]).T
     return low, high
 
 

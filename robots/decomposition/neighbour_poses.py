@@ -46,7 +46,4 @@ def neighbour_poses(
 
 
 def _angle(joint: Joint, rng: np.random.Generator) -> float:
-    low, high = joint.position_limits
-    if high - low >= 2.0 * np.pi:  # all poses repeat after one turn
-        low, high = -np.pi, np.pi
-    return float(rng.uniform(low, high))
+    return float(rng.uniform(*joint.range_within_turn))

@@ -65,9 +65,9 @@ def _reach(scene: Scene) -> list[np.ndarray]:
     """Places of the links in the highest and in the widest of many postures within the joints' limits, turned
     about the first joint, each of shape (L, 3), base frame [m]."""
     robot = scene.robot
-    limits = np.clip([joint.position_limits for joint in robot.joints[1:4]], -np.pi, np.pi)
+    tried = [np.linspace(*joint.range_within_turn, STEPS) for joint in robot.joints[1:4]]
     found = []
-    for angles in itertools.product(*(np.linspace(low, high, STEPS) for low, high in limits)):
+    for angles in itertools.product(*tried):
         q = np.zeros(len(robot.joints))
         q[1 : 1 + len(angles)] = angles
         found.append(link_places(scene, q)[:, :3, 3])

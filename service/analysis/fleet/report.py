@@ -11,26 +11,22 @@ import numpy as np
 from contactsense.robots.whole_file import write_text
 from contactsense.scene import Scene
 from contactsense.service.analysis.assumptions import assumptions
+from contactsense.service.analysis.fleet.drawn_arms import drawn_arms, members
 from contactsense.service.analysis.fleet.segments import UNKNOWN
 from contactsense.service.analysis.fleet.summary import FleetSummary, RobotSummary, robot_row
 from contactsense.service.analysis.health import UNJUDGED
 from contactsense.service.analysis.report import render
-from contactsense.service.analysis.summarize import Summarizer
 from contactsense.service.analysis.undetermined_forces import undetermined_forces
-from contactsense.service.drawing.arm_scene import arm_geometry, arm_view, view_script
+from contactsense.service.drawing.arm_scene import view_script
 from contactsense.service.drawing.drift_svg import drift_chart
-from contactsense.service.drawing.palette import heat_colours, link_colour
+from contactsense.service.drawing.palette import link_colour
 
 FORCES = (0.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, float("inf"))
 """Bounds of the force classes [N]."""
-MOST_DOTS = 3000
-"""Maximum number of contact points drawn on an arm; of more, an evenly spaced subset is drawn."""
 MOST_CHARTS = 30
 """Maximum number of robots whose drift is drawn: those with the largest. The table lists all."""
 MOST_PROBLEMS = 100
 """Maximum number of problems that are listed."""
-DOT_FORCES = (1.0, 100.0)
-"""Forces at the ends of the dots' colour scale [N]."""
 
 
 def write_fleet_report(summary: FleetSummary, folder: Path) -> None:
@@ -58,7 +54,7 @@ def _content(summary: FleetSummary) -> dict[str, Any]:
     order = {
         name: i for robot in summary.robots for i, name in reversed([*enumerate(robot.scene.link_names)])
     }
-    groups = _groups(summary)
+    arms = drawn_arms(summary)
     # They come first: no contacts of such a recording does not mean that nothing touched the arm.
     problems = [*(f"{name}: {UNJUDGED}" for name in summary.unjudged), *summary.problems]
     return {
@@ -78,14 +74,12 @@ def _content(summary: FleetSummary) -> dict[str, Any]:
         "false_alarms": f"{summary.expected_false_alarms:.3g}",
         "problems": problems[:MOST_PROBLEMS],
         "more_problems": max(len(problems) - MOST_PROBLEMS, 0),
-        "groups": [(name, _members(robots), assumptions(robots[0].scene)) for name, robots in groups],
+        "arms": [(arm.name, members(arm.robots)) for arm in arms],
+        "assumptions": _assumed(summary),
         "undetermined": _undetermined(summary),
         "script": view_script(),
         "data": json.dumps(
-            [
-                {"geometry": arm_geometry(robots[0].scene), "view": _dots(summary, robots)}
-                for _, robots in groups
-            ],
+            [{"geometry": arm.geometry, "view": arm.view(summary.contacts)} for arm in arms],
             separators=(",", ":"),
         ),
     }
@@ -95,28 +89,23 @@ def _joint_names(scene: Scene) -> list[str]:
     return [joint.name.removesuffix("_joint") for joint in scene.robot.joints]
 
 
-def _groups(summary: FleetSummary) -> list[tuple[str, list[RobotSummary]]]:
-    """Robots grouped by appearance: arm and tool."""
-    found: dict[str, list[RobotSummary]] = {}
-    for robot in summary.robots:
-        tool = robot.scene.tool
-        name = robot.scene.robot.name + (f" with {tool.name}" if tool is not None else "")
-        found.setdefault(name, []).append(robot)
-    return list(found.items())
-
-
 def _undetermined(summary: FleetSummary) -> list[tuple[str, str]]:
     """Robots with forces that their sensors do not determine, and what their forces mean."""
     found: dict[str, list[RobotSummary]] = {}
     for robot in summary.robots:
         found.setdefault(undetermined_forces(robot.scene), []).append(robot)
-    return [(_members(robots), text) for text, robots in found.items() if text]
+    return [(members(robots), text) for text, robots in found.items() if text]
 
 
-def _members(robots: list[RobotSummary]) -> str:
-    names = [robot.robot for robot in robots]
-    more = f" and {len(names) - 12} more" if len(names) > 12 else ""
-    return ", ".join(names[:12]) + more
+def _assumed(summary: FleetSummary) -> list[str]:
+    """The assumptions of all scenes, one sentence each; those that not all robots share name theirs."""
+    found: dict[str, list[RobotSummary]] = {}
+    for robot in summary.robots:
+        for text in assumptions(robot.scene):
+            found.setdefault(text, []).append(robot)
+    everyone = len(summary.robots)
+    shared = [text for text, robots in found.items() if len(robots) == everyone]
+    return shared + [f"{members(robots)}: {text}" for text, robots in found.items() if len(robots) < everyone]
 
 
 def _when(dates: set[str]) -> str:
@@ -183,32 +172,3 @@ def _charts(summary: FleetSummary) -> list[tuple[str, str, str]]:
         charts.append((largest, name, friction, biases))
     charts.sort(key=lambda chart: -chart[0])
     return [chart[1:] for chart in charts[:MOST_CHARTS]]
-
-
-def _dots(summary: FleetSummary, robots: list[RobotSummary]) -> dict[str, Any]:
-    """The arm in the posture of the robots' first contact, with the points of all their contacts, coloured by
-    force."""
-    scene = robots[0].scene
-    names = {robot.robot for robot in robots}
-    rows = np.flatnonzero([name in names for name in summary.contacts["robot"].to_pylist()])
-    table = summary.contacts.take(rows)
-    q = np.array(table["q"][0].as_py()) if table.num_rows else np.zeros(len(scene.robot.joints))
-    frames = Summarizer(scene)
-    poses = [frames.link_pose(q, link) for link in range(len(scene.link_names))]
-    view = arm_view(poses, _up(scene))
-    rows = np.flatnonzero(table["link_index"].to_numpy() >= 0)
-    rows = rows[:: -(-max(len(rows), 1) // MOST_DOTS)]
-    part = table.take(rows)
-    place = np.column_stack([part[f"point_{a}"].to_numpy() for a in "xyz"]).reshape(-1, 3)
-    force = np.clip(part["peak_force"].to_numpy(), *DOT_FORCES)
-    colours = [f"#{r:02x}{g:02x}{b:02x}" for r, g, b in heat_colours(force, *DOT_FORCES)]
-    dots: list[float | str] = []
-    for link, point, colour in zip(part["link_index"].to_pylist(), place, colours, strict=True):
-        origin, rotation = poses[link]
-        dots += [*(1e3 * (origin + rotation @ point)).round(1).tolist(), colour]
-    view["dots"] = dots
-    return view
-
-
-def _up(scene: Scene) -> np.ndarray:
-    return np.asarray(-scene.gravity_base / np.linalg.norm(scene.gravity_base))

@@ -55,7 +55,7 @@ def test_arm_and_gravity_are_in_the_picture(aspect: float, mounting: str, robot:
 def test_the_whole_reach_of_a_foreign_arm_is_in_the_picture(aspect: float, tmp_path: Path) -> None:
     """Its zeros are not those of UR's arms: the usual posture may be folded."""
     scene, rng = seven_joints(tmp_path), np.random.default_rng(0)
-    limits = np.clip([joint.position_limits for joint in scene.robot.joints], -np.pi, np.pi)
+    limits = np.array([joint.range_within_turn for joint in scene.robot.joints])
     postures = limits[:, 0] + rng.random((200, 7)) * (limits[:, 1] - limits[:, 0])
     places = np.concatenate([link_places(scene, q)[:, :3, 3] for q in postures])
     above = places[places[:, 2] > 0.0]  # not through the table

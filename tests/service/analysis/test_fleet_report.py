@@ -1,0 +1,61 @@
+"""The report on a dataset draws each kind of arm as it stands, and states each robot's own assumptions."""
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from contactsense import Scene
+from contactsense.robots.primitives import Box
+from contactsense.robots.surroundings import Body
+from contactsense.service.analysis.fleet.drawn_arms import drawn_arms
+from contactsense.service.analysis.fleet.report import write_fleet_report
+from contactsense.service.analysis.fleet.summary import FleetSummary, RobotSummary, summarize
+from contactsense.service.scene.summary import link_places
+
+POST = Box(center=(0.0, 0.0, -0.4), half=(0.1, 0.1, 0.4), rounding=0.01)
+PEDESTAL = Body(name="post", role="pedestal", primitives=(POST,))
+SCENES: dict[str, dict[str, Any]] = {
+    "arm01": {},
+    "arm02": {"friction": 0.8},
+    "arm03": {"mounting": "ceiling"},
+    "arm04": {"bodies": (PEDESTAL,)},
+    "arm05": {},
+}
+
+
+def fleet(scenes: dict[str, dict[str, Any]]) -> FleetSummary:
+    """A dataset without contacts, of one kind of arm in these scenes."""
+    robots = tuple(RobotSummary(name, Scene(robot="ur5e", **values)) for name, values in scenes.items())
+    return FleetSummary(robots, summarize({}, [], []).contacts, (), 0)
+
+
+def test_robots_that_look_alike_are_drawn_in_one_picture() -> None:
+    arms = drawn_arms(fleet(SCENES))
+    assert [[robot.robot for robot in arm.robots] for arm in arms] == [
+        ["arm01", "arm02", "arm05"], ["arm03"], ["arm04"]
+    ]  # fmt: skip
+    assert arms[0].geometry == arms[1].geometry != arms[2].geometry
+    np.testing.assert_allclose(arms[1].up, [0.0, 0.0, -1.0], atol=1e-12)
+
+
+def test_an_assumption_that_not_all_robots_share_names_those_that_do(tmp_path: Path) -> None:
+    write_fleet_report(fleet(SCENES), tmp_path)
+    for name in ("fleet.html", "fleet.md"):
+        text = (tmp_path / name).read_text()
+        assert len(re.findall("At most one contact at a time", text)) == 1
+        assert "arm02: Contacts push on the surface; friction coefficient 0.8" in text
+        assert "arm01, arm03, arm04, arm05: Contacts push on the surface; friction coefficient 0.5" in text
+        assert "arm03: Robot ur5e, mounting ceiling" in text
+
+
+def test_an_arm_without_contacts_is_drawn_bent(tmp_path: Path) -> None:
+    write_fleet_report(fleet({"arm01": {}}), tmp_path)
+    page = (tmp_path / "fleet.html").read_text()
+    found = re.search(r'<script id="data" type="application/json">(.*?)</script>', page)
+    assert found is not None
+    poses = json.loads(found[1])[0]["view"]["poses"]
+    straight = link_places(Scene(robot="ur5e"), np.zeros(6))[-1, 2, 3]
+    assert poses[-1][2] > 1e3 * straight + 100.0
