@@ -107,6 +107,12 @@ def dot(a: Vector, b: Vector) -> float:
 
 
 @inlined_fused_kernel
+def cross(a: Vector, b: Vector) -> Vector:
+    """a x b."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@inlined_fused_kernel
 def matvec(B: Block, a: Vector) -> Vector:
     """B a, with B a block, a tuple of rows."""
     return dot(B[0], a), dot(B[1], a), dot(B[2], a)

@@ -12,8 +12,6 @@ FILES = sorted(
     path for folder in FOLDERS for path in (ROOT / folder).rglob("*.py") if not path.parent.is_symlink()
 )
 MOST = 10
-SIMD = {"ldl_solve_unrolled"}
-"""Blocks that are written out so that the compiler uses SIMD instructions."""
 
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 
@@ -37,7 +35,7 @@ def test_no_function_has_more_than_ten_arguments(folder: str) -> None:
             given = function.args
             names = [one.arg for one in (*given.posonlyargs, *given.args, *given.kwonlyargs)]
             count = len([name for name in names if name not in ("self", "cls")])
-            if count > MOST and function.name not in SIMD and not _is_command(function):
+            if count > MOST and not _is_command(function):
                 long.append(f"{path.name}: {function.name} has {count}")
     assert not long
 

@@ -10,10 +10,8 @@ F (relative to its median), the friction ratios (alpha, beta), the torsion ratio
 
 In these unknowns all priors are normal distributions (Student's t for the friction ratio), so an
 uninformative measurement returns the prior. Laplace's approximation of the integral over the six unknowns
-is the evidence of the cell. The computation uses the axes (n, t1, t2) with origin c0, in which the wrench
-and most of its derivatives are sparse:
-
-    f = F (-1, alpha, beta),    m = F (chi + beta v1 - alpha v2, -v2, v1)
+is the evidence of the cell. The computation uses the axes (n, t1, t2) with origin c0, in which most
+derivatives of the wrench are sparse (`contactsense.localization.cell_equations`).
 
 A block of cells is processed in parallel, one cell per SIMD lane
 (`contactsense.localization.simd_layout`).
@@ -24,7 +22,7 @@ import math
 import numpy as np
 
 from contactsense.robots.jit.lanes import HALF
-from contactsense.solvers.posterior.contact_prior import STUDENT_DOF, Prior
+from contactsense.solvers.posterior.contact_prior import Prior
 
 from contactsense.localization.simd_layout import (  # isort: skip
     A00, A01, A02, A03, A04, A05, A11, A12, A13, A14, A15, A22, A23, A24, A25, A33, A34, A35, A44, A45,
@@ -36,6 +34,7 @@ from contactsense.kinematics.exponential import exponential
 from contactsense.kinematics.linalg.ldl import ldl_solve_unrolled
 from contactsense.kinematics.logarithm import logarithm
 from contactsense.kinematics.wrench_information import blocks, matvec, rotate_block, shift_information
+from contactsense.localization.cell_equations import CellContact, CellPrior, cell_equations
 from contactsense.robots.jit.array_views import view
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.vectors import tangents
@@ -174,82 +173,23 @@ def _gauss_newton_steps(
     for first in range(cells[0], cells[1], HALF):
         half = view(block, first, (LENGTH - first,))
         for j in range(HALF):
-            w0, w1, w2 = half[W0 + j], half[W1 + j], half[W2 + j]
-            w3, w4, w5 = half[W3 + j], half[W4 + j], half[W5 + j]
-            a00, a01, a02 = half[A00 + j], half[A01 + j], half[A02 + j]
-            a03, a04, a05 = half[A03 + j], half[A04 + j], half[A05 + j]
-            a11, a12, a13 = half[A11 + j], half[A12 + j], half[A13 + j]
-            a14, a15, a22 = half[A14 + j], half[A15 + j], half[A22 + j]
-            a23, a24, a25 = half[A23 + j], half[A24 + j], half[A25 + j]
-            a33, a34, a35 = half[A33 + j], half[A34 + j], half[A35 + j]
-            a44, a45, a55 = half[A44 + j], half[A45 + j], half[A55 + j]
-            phi, F, alpha, beta = half[LOG_FORCE + j], half[FORCE + j], half[ALPHA + j], half[BETA + j]
-            chi, v1, v2 = half[CHI + j], half[V1 + j], half[V2 + j]
-            ratio_information = half[RATIO_INFORMATION + j]
+            A = (
+                half[A00 + j], half[A01 + j], half[A02 + j], half[A03 + j], half[A04 + j], half[A05 + j],
+                half[A11 + j], half[A12 + j], half[A13 + j], half[A14 + j], half[A15 + j],
+                half[A22 + j], half[A23 + j], half[A24 + j], half[A25 + j],
+                half[A33 + j], half[A34 + j], half[A35 + j],
+                half[A44 + j], half[A45 + j],
+                half[A55 + j],
+            )  # fmt: skip
+            measured = half[W0 + j], half[W1 + j], half[W2 + j], half[W3 + j], half[W4 + j], half[W5 + j]
             cell_information = 1.0 / (half[SPREAD + j] * half[SPREAD + j])
-            # Wrench of the contact and its residual.
-            f0, f1, f2 = -F, F * alpha, F * beta
-            m0, m1, m2 = F * (chi + beta * v1 - alpha * v2), -F * v2, F * v1
-            d0, d1, d2, d3, d4, d5 = f0 - w0, f1 - w1, f2 - w2, m0 - w3, m1 - w4, m2 - w5
-            # Information matrix times residual and wrench.
-            y0 = a00 * d0 + a01 * d1 + a02 * d2 + a03 * d3 + a04 * d4 + a05 * d5
-            y1 = a01 * d0 + a11 * d1 + a12 * d2 + a13 * d3 + a14 * d4 + a15 * d5
-            y2 = a02 * d0 + a12 * d1 + a22 * d2 + a23 * d3 + a24 * d4 + a25 * d5
-            y3 = a03 * d0 + a13 * d1 + a23 * d2 + a33 * d3 + a34 * d4 + a35 * d5
-            y4 = a04 * d0 + a14 * d1 + a24 * d2 + a34 * d3 + a44 * d4 + a45 * d5
-            y5 = a05 * d0 + a15 * d1 + a25 * d2 + a35 * d3 + a45 * d4 + a55 * d5
-            z0 = a00 * f0 + a01 * f1 + a02 * f2 + a03 * m0 + a04 * m1 + a05 * m2
-            z1 = a01 * f0 + a11 * f1 + a12 * f2 + a13 * m0 + a14 * m1 + a15 * m2
-            z2 = a02 * f0 + a12 * f1 + a22 * f2 + a23 * m0 + a24 * m1 + a25 * m2
-            z3 = a03 * f0 + a13 * f1 + a23 * f2 + a33 * m0 + a34 * m1 + a35 * m2
-            z4 = a04 * f0 + a14 * f1 + a24 * f2 + a34 * m0 + a44 * m1 + a45 * m2
-            z5 = a05 * f0 + a15 * f1 + a25 * f2 + a35 * m0 + a45 * m1 + a55 * m2
-            squared_ratio = (alpha * alpha + beta * beta) * ratio_information
-            tail_weight = (STUDENT_DOF + 2.0) / (STUDENT_DOF + squared_ratio) * ratio_information
-            energy = 0.5 * (
-                (d0 * y0 + d1 * y1 + d2 * y2 + d3 * y3 + d4 * y4 + d5 * y5)
-                + phi * phi
-                + chi * chi * torsion_information
-                + (v1 * v1 + v2 * v2) * cell_information
-                + (STUDENT_DOF + 2.0) * logarithm(1.0 + squared_ratio / STUDENT_DOF)
-            )
-            # Derivatives of (f0, f1, f2, m0, m1, m2) / F by the unknowns: by alpha (0, 1, 0, -v2, 0, 0), by
-            # beta (0, 0, 1, v1, 0, 0), by chi (0, 0, 0, 1, 0, 0), by v1 (0, 0, 0, beta, 0, 1), by v2 (0, 0,
-            # 0, -alpha, -1, 0).
-            FF = F * F
-            b3, b4, b5 = a13 - v2 * a33, a14 - v2 * a34, a15 - v2 * a35
-            c3, c4, c5 = a23 + v1 * a33, a24 + v1 * a34, a25 + v1 * a35
-            p3, p4, p5 = beta * a33 + a35, beta * a34 + a45, beta * a35 + a55
-            q3, q4 = -alpha * a33 - a34, -alpha * a34 - a44
-            det, positive, predicted_decrease, v11, v12, v22, s0, s1, s2, s3, s4, s5 = ldl_solve_unrolled(
-                f0 * z0 + f1 * z1 + f2 * z2 + m0 * z3 + m1 * z4 + m2 * z5 + 1.0,
-                F * (z1 - v2 * z3),
-                F * (z2 + v1 * z3),
-                F * z3,
-                F * (beta * z3 + z5),
-                -F * (alpha * z3 + z4),
-                FF * (a11 - v2 * (a13 + b3)) + tail_weight,
-                FF * (a12 - v2 * a23 + v1 * b3),
-                FF * b3,
-                FF * (beta * b3 + b5),
-                -FF * (alpha * b3 + b4),
-                FF * (a22 + v1 * (a23 + c3)) + tail_weight,
-                FF * c3,
-                FF * (beta * c3 + c5),
-                -FF * (alpha * c3 + c4),
-                FF * a33 + torsion_information,
-                FF * p3,
-                FF * q3,
-                FF * (beta * p3 + p5) + cell_information,
-                -FF * (alpha * p3 + p4),
-                -FF * (alpha * q3 + q4) + cell_information,
-                f0 * y0 + f1 * y1 + f2 * y2 + m0 * y3 + m1 * y4 + m2 * y5 + phi,
-                F * (y1 - v2 * y3) + tail_weight * alpha,
-                F * (y2 + v1 * y3) + tail_weight * beta,
-                F * y3 + chi * torsion_information,
-                F * (beta * y3 + y5) + v1 * cell_information,
-                -F * (alpha * y3 + y4) + v2 * cell_information,
-            )
+            prior = CellPrior(half[RATIO_INFORMATION + j], torsion_information, cell_information)
+            contact = CellContact(
+                half[LOG_FORCE + j], half[FORCE + j], half[ALPHA + j], half[BETA + j], half[CHI + j],
+                half[V1 + j], half[V2 + j],
+            )  # fmt: skip
+            energy, H, gradient = cell_equations(A, measured, prior, contact)
+            det, positive, predicted_decrease, (v11, v12, v22), s = ldl_solve_unrolled(H, gradient)
             active = half[ACTIVE + j] > 0.0
             # The energy after the last step is predicted, not evaluated.
             half[ENERGY + j] = (
@@ -260,7 +200,7 @@ def _gauss_newton_steps(
             half[V22 + j] = v22 if active else half[V22 + j]
             half[DET + j] = (det if positive else 0.0) if active else half[DET + j]
             # The residual is bilinear in the force and the other unknowns: limit the step of the force.
-            scale = min(1.0, MAX_LOG_FORCE_STEP / max(abs(s0), 1e-300)) if active else 0.0
+            scale = min(1.0, MAX_LOG_FORCE_STEP / max(abs(s[0]), 1e-300)) if active else 0.0
             continues = (
                 active
                 & positive
@@ -269,13 +209,13 @@ def _gauss_newton_steps(
                 & may_step
             )
             half[ACTIVE + j] = 1.0 if continues else 0.0
-            half[LOG_FORCE + j] = phi - scale * s0
-            half[FORCE + j] = F * exponential(-scale * s0)
-            half[ALPHA + j] = alpha - scale * s1
-            half[BETA + j] = beta - scale * s2
-            half[CHI + j] = chi - scale * s3
-            half[V1 + j] = v1 - scale * s4
-            half[V2 + j] = v2 - scale * s5
+            half[LOG_FORCE + j] = contact.log_force - scale * s[0]
+            half[FORCE + j] = contact.force * exponential(-scale * s[0])
+            half[ALPHA + j] = contact.alpha - scale * s[1]
+            half[BETA + j] = contact.beta - scale * s[2]
+            half[CHI + j] = contact.chi - scale * s[3]
+            half[V1 + j] = contact.v1 - scale * s[4]
+            half[V2 + j] = contact.v2 - scale * s[5]
 
 
 @fused_kernel

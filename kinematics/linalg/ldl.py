@@ -5,34 +5,33 @@ import math
 
 import numpy as np
 
+from contactsense.kinematics.spatial import Six
 from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel, kernel
+from contactsense.robots.vectors import Vector
 
+UpperTriangle = tuple[
+    float, float, float, float, float, float, float, float, float, float, float,
+    float, float, float, float, float, float, float, float, float, float,
+]  # fmt: skip
+"""Upper triangle of a symmetric 6x6 matrix, row by row."""
 SMALLEST_DETERMINANT, LARGEST_DETERMINANT = 1e-300, 1e300
 """Matrices with determinants outside this range count as not positive definite."""
 
 
 @inlined_fused_kernel
-def ldl_solve_unrolled(
-    h00: float, h01: float, h02: float, h03: float, h04: float, h05: float,
-    h11: float, h12: float, h13: float, h14: float, h15: float,
-    h22: float, h23: float, h24: float, h25: float,
-    h33: float, h34: float, h35: float,
-    h44: float, h45: float, h55: float,
-    g0: float, g1: float, g2: float, g3: float, g4: float, g5: float,
-) -> tuple[
-    float, bool, float, float, float, float, float, float, float, float, float, float
-]:  # fmt: skip
+def ldl_solve_unrolled(H: UpperTriangle, g: Six) -> tuple[float, bool, float, Vector, Six]:
     """Solve H x = g by L D L^T. Unrolled, as loops are slower, and without branches, so that loops over many
     such equations are vectorized.
 
-    Args:
-        h00, h01, ...: Upper triangle of H, row by row.
-        g0, g1, ...: The vector g.
-
     Returns:
         Determinant of H; whether H is positive definite, otherwise the other results are invalid; 1/2 g . x;
-        of H^-1 the entries 44, 45 and 55; and x, six numbers.
+        of H^-1 the entries 44, 45 and 55; and x.
     """
+    (
+        h00, h01, h02, h03, h04, h05, h11, h12, h13, h14, h15, h22, h23, h24, h25, h33, h34, h35,
+        h44, h45, h55,
+    ) = H  # fmt: skip
+    g0, g1, g2, g3, g4, g5 = g
     d0 = h00
     i0 = 1.0 / d0
     u10 = h01
@@ -98,7 +97,8 @@ def ldl_solve_unrolled(
     # `&` compiles without a branch, unlike `and`.
     positive = (d0 > 0.0) & (d1 > 0.0) & (d2 > 0.0) & (d3 > 0.0) & (d4 > 0.0) & (d5 > 0.0)
     positive &= (det > SMALLEST_DETERMINANT) & (det < LARGEST_DETERMINANT)
-    return det, positive, predicted_decrease, i4 + l54 * l54 * i5, -l54 * i5, i5, x0, x1, x2, x3, x4, x5
+    covariance = (i4 + l54 * l54 * i5, -l54 * i5, i5)
+    return det, positive, predicted_decrease, covariance, (x0, x1, x2, x3, x4, x5)
 
 
 @fused_kernel
@@ -109,18 +109,19 @@ def ldl_solve(H: np.ndarray, g: np.ndarray) -> tuple[float, float, float, float,
         Log determinant of H (infinity if H is not positive definite), 1/2 g . x, and of H^-1 the entries 44,
         45 and 55.
     """
-    det, positive, predicted_decrease, v44, v45, v55, x0, x1, x2, x3, x4, x5 = ldl_solve_unrolled(
+    matrix = (
         H[0, 0], H[0, 1], H[0, 2], H[0, 3], H[0, 4], H[0, 5],
         H[1, 1], H[1, 2], H[1, 3], H[1, 4], H[1, 5],
         H[2, 2], H[2, 3], H[2, 4], H[2, 5],
         H[3, 3], H[3, 4], H[3, 5],
         H[4, 4], H[4, 5],
         H[5, 5],
-        g[0], g[1], g[2], g[3], g[4], g[5],
     )  # fmt: skip
+    vector = (g[0], g[1], g[2], g[3], g[4], g[5])
+    det, positive, predicted_decrease, (v44, v45, v55), x = ldl_solve_unrolled(matrix, vector)
     if not positive:
         return math.inf, 0.0, 0.0, 0.0, 0.0
-    g[0], g[1], g[2], g[3], g[4], g[5] = x0, x1, x2, x3, x4, x5
+    g[0], g[1], g[2], g[3], g[4], g[5] = x
     return math.log(det), predicted_decrease, v44, v45, v55
 
 

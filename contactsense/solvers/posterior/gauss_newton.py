@@ -20,8 +20,10 @@ the outer products is u h^T + h u^T + p^2 (a1 a1^T + a2 a2^T), and the terms of 
 import math
 from typing import NamedTuple
 
+from contactsense.kinematics.linalg.ldl import UpperTriangle
 from contactsense.kinematics.spatial import Six
 from contactsense.kinematics.wrench_information import (
+    cross,
     dot,
     matvec,
     shift_information,
@@ -36,11 +38,6 @@ from contactsense.solvers.posterior.equations import Inflation, Information, ene
 
 LEAST_WEIGHT = 0.1
 """Lower bound of the weight of the friction ratio, for coefficients of friction above 1.2."""
-UpperTriangle = tuple[
-    float, float, float, float, float, float, float, float, float, float, float,
-    float, float, float, float, float, float, float, float, float, float,
-]  # fmt: skip
-"""Upper triangle of a symmetric 6x6 matrix, row by row."""
 _Pair = tuple[float, float]
 _Columns = tuple[Vector, Vector, Vector]
 
@@ -131,8 +128,8 @@ def gauss_newton_equations(
 @inlined_fused_kernel
 def _moment_of_step(contact: Contact, t: Vector, turn: Vector) -> Vector:
     """Change of the moment by a step along a tangent, with which the normal turns: t x f + xi W t."""
-    (x, y, z), (fx, fy, fz), xi = t, contact.force, contact.torsion
-    return y * fz - z * fy + xi * turn[0], z * fx - x * fz + xi * turn[1], x * fy - y * fx + xi * turn[2]
+    m, xi = cross(t, contact.force), contact.torsion
+    return m[0] + xi * turn[0], m[1] + xi * turn[1], m[2] + xi * turn[2]
 
 
 @inlined_fused_kernel

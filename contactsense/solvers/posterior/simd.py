@@ -218,12 +218,9 @@ def gauss_newton_steps(torsion_lever: float, lanes: int, block: np.ndarray) -> N
                 _wrench(j, half), information, half[FRICTION_RATIO + j], torsion_lever, inflation,
                 shape_operator, contact, half[LOG_FORCE + j],
             )  # fmt: skip
-            det, positive, decrease, v11, v12, v22, s0, s1, s2, s3, s4, s5 = ldl_solve_unrolled(
-                H[0], H[1], H[2], H[3], H[4], H[5], H[6], H[7], H[8], H[9], H[10], H[11], H[12], H[13], H[14],
-                H[15], H[16], H[17], H[18], H[19], H[20], g[0], g[1], g[2], g[3], g[4], g[5],
-            )  # fmt: skip
-            half[S0 + j], half[S1 + j], half[S2 + j] = s0, s1, s2
-            half[S3 + j], half[S4 + j], half[S5 + j] = s3, s4, s5
+            det, positive, decrease, (v11, v12, v22), s = ldl_solve_unrolled(H, g)
+            half[S0 + j], half[S1 + j], half[S2 + j] = s[0], s[1], s[2]
+            half[S3 + j], half[S4 + j], half[S5 + j] = s[3], s[4], s[5]
             half[U0 + j], half[U1 + j], half[U2 + j] = u[0], u[1], u[2]
             half[U3 + j], half[U4 + j], half[U5 + j] = u[3], u[4], u[5]
             half[GAIN + j], half[DECREASE + j] = gain, decrease
