@@ -15,28 +15,19 @@ from contactsense.kinematics.linalg.cholesky import cholesky
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.surface.union import nearest
-from contactsense.robots.vectors import tangents
+from contactsense.robots.vectors import Vector, add_scaled, cross, dot, scale, tangents, vector
 from contactsense.service.analysis.path_arrays import EliminationArrays, PathArrays, WindowSums
-
-
-@kernel
-def _nearest(
-    surfaces: Surfaces, link: int, x: float, y: float, z: float
-) -> tuple[float, float, float, float, float, float]:
-    """Nearest point of the link's surface, and the outward normal there."""
-    _, _, point, normal = nearest(surfaces, surfaces.start[link], surfaces.start[link + 1], (x, y, z))
-    return (*point, *normal)
 
 
 @kernel
 def project_knots(surfaces: Surfaces, link: int, places: np.ndarray, frames: np.ndarray) -> None:
     """Move places (K, 3), link frame, to the link's surface; fill `frames` (K, 2, 3) with tangents."""
     for k in range(places.shape[0]):
-        nx, ny, nz = 0.0, 0.0, 1.0
+        normal = (0.0, 0.0, 1.0)
         for _ in range(2):
-            x, y, z, nx, ny, nz = _nearest(surfaces, link, places[k, 0], places[k, 1], places[k, 2])
-            places[k, 0], places[k, 1], places[k, 2] = x, y, z
-        for i, tangent in enumerate(tangents((nx, ny, nz))):
+            place, normal = _nearest(surfaces, link, vector(places[k]))
+            places[k, 0], places[k, 1], places[k, 2] = place
+        for i, tangent in enumerate(tangents(normal)):
             frames[k, i, 0], frames[k, i, 1], frames[k, i, 2] = tangent
 
 
@@ -72,23 +63,8 @@ def eliminate_forces(
     energy = 0.0
     G, LG, H, E = out.G, out.LG, out.H, out.E
     for w in range(a.shape[0]):
-        k0, alpha = path.knot[w], path.fraction[w]
-        k1 = min(k0 + 1, knots - 1)
-        x = (1.0 - alpha) * path.places[k0, 0] + alpha * path.places[k1, 0]
-        y = (1.0 - alpha) * path.places[k0, 1] + alpha * path.places[k1, 1]
-        z = (1.0 - alpha) * path.places[k0, 2] + alpha * path.places[k1, 2]
-        if w > 0 and knots == 1:
-            x, y, z = out.point[0, 0], out.point[0, 1], out.point[0, 2]
-            nx, ny, nz = out.normal[0, 0], out.normal[0, 1], out.normal[0, 2]
-        else:
-            x, y, z, nx, ny, nz = _nearest(surfaces, link, x, y, z)
-        out.point[w, 0], out.point[w, 1], out.point[w, 2] = x, y, z
-        out.normal[w, 0], out.normal[w, 1], out.normal[w, 2] = nx, ny, nz
-        h = (1.0 - alpha) * path.offset[k0] + alpha * path.offset[k1]
-        px, py, pz = x + h * nx, y + h * ny, z + h * nz
-        G[3, 0], G[3, 1], G[3, 2], G[3, 3] = 0.0, -pz, py, nx
-        G[4, 0], G[4, 1], G[4, 2], G[4, 3] = pz, 0.0, -px, ny
-        G[5, 0], G[5, 1], G[5, 2], G[5, 3] = -py, px, 0.0, nz
+        place, normal = _place(w, surfaces, link, path, out)
+        _fill_moments(place, normal, G)
         # a - M b, the right-hand side of a free wrench.
         for i in range(6):
             s = a[w, i]
@@ -96,52 +72,103 @@ def eliminate_forces(
                 s -= M[w, i, k] * b[k]
             out.rhs[i] = s
         _normal_equations(L[w], G, LG, H, out.rhs, out.r)
-        lean, size, torsion = prior_rows[w, 0], prior_rows[w, 1], prior_rows[w, 2]
-        H[0, 0] += lean * (1.0 - nx * nx) + size
-        H[1, 1] += lean * (1.0 - ny * ny) + size
-        H[2, 2] += lean * (1.0 - nz * nz) + size
-        H[1, 0] -= lean * nx * ny
-        H[2, 0] -= lean * nx * nz
-        H[2, 1] -= lean * ny * nz
-        H[3, 3] += torsion
+        _add_prior(prior_rows[w], normal, H)
         for i in range(4):
             for k in range(i + 1):
                 out.total[i, k] += H[i, k]
         if cholesky(H, 4) == math.inf:
             return math.inf
         u = out.u[w]
-        for i in range(4):
-            s = out.r[i]
-            for k in range(i):
-                s -= H[i, k] * u[k]
-            u[i] = s / H[i, i]
-            energy -= 0.5 * u[i] * u[i]
-        for i in range(3, -1, -1):
-            s = u[i]
-            for k in range(i + 1, 4):
-                s -= H[k, i] * u[k]
-            u[i] = s / H[i, i]
+        energy -= _solve(H, out.r, u)
         if not derivatives:
             continue
-        # Columns of the change of the wrench: both knots' tangents and offsets; only moments change.
-        fx, fy, fz = u[0], u[1], u[2]
-        for c in range(6):
-            k, weight = (k0, 1.0 - alpha) if c < 3 else (k1, alpha)
-            if c % 3 < 2:
-                tx, ty, tz = path.frames[k, c % 3, 0], path.frames[k, c % 3, 1], path.frames[k, c % 3, 2]
-                along = tx * nx + ty * ny + tz * nz
-                tx, ty, tz = (
-                    weight * (tx - along * nx),
-                    weight * (ty - along * ny),
-                    weight * (tz - along * nz),
-                )
-            else:
-                tx, ty, tz = weight * nx, weight * ny, weight * nz
-            E[c, 0] = ty * fz - tz * fy
-            E[c, 1] = tz * fx - tx * fz
-            E[c, 2] = tx * fy - ty * fx
-        _scatter(L[w], M[w], out, u, k0, k1, knots)
+        k = path.knot[w]
+        _fill_moment_changes(w, path, normal, vector(u), E)
+        _scatter(L[w], M[w], out, u, k, min(k + 1, knots - 1), knots)
     return energy
+
+
+@kernel
+def _nearest(surfaces: Surfaces, link: int, place: Vector) -> tuple[Vector, Vector]:
+    """Nearest point of the link's surface, and the outward normal there."""
+    _, _, point, normal = nearest(surfaces, surfaces.start[link], surfaces.start[link + 1], place)
+    return point, normal
+
+
+@kernel
+def _place(
+    w: int, surfaces: Surfaces, link: int, path: PathArrays, out: EliminationArrays
+) -> tuple[Vector, Vector]:
+    """Place of a window, by the surface's offset outside the primitives, and normal there; fills `out.point`
+    and `out.normal`."""
+    knots = path.places.shape[0]
+    k, alpha = path.knot[w], path.fraction[w]
+    following = min(k + 1, knots - 1)
+    if w > 0 and knots == 1:
+        point, normal = vector(out.point[0]), vector(out.normal[0])
+    else:
+        a, b = scale(1.0 - alpha, vector(path.places[k])), vector(path.places[following])
+        point, normal = _nearest(surfaces, link, add_scaled(a, alpha, b))
+    out.point[w, 0], out.point[w, 1], out.point[w, 2] = point
+    out.normal[w, 0], out.normal[w, 1], out.normal[w, 2] = normal
+    h = (1.0 - alpha) * path.offset[k] + alpha * path.offset[following]
+    return add_scaled(point, h, normal), normal
+
+
+@kernel
+def _fill_moments(place: Vector, normal: Vector, G: np.ndarray) -> None:
+    """The lower half of G: moments of unit forces and of unit torsion."""
+    x, y, z = place
+    nx, ny, nz = normal
+    G[3, 0], G[3, 1], G[3, 2], G[3, 3] = 0.0, -z, y, nx
+    G[4, 0], G[4, 1], G[4, 2], G[4, 3] = z, 0.0, -x, ny
+    G[5, 0], G[5, 1], G[5, 2], G[5, 3] = -y, x, 0.0, nz
+
+
+@kernel
+def _add_prior(precision: np.ndarray, normal: Vector, H: np.ndarray) -> None:
+    """Add the precisions of tangential force, any force and torsion, shape (3,), to H (lower triangle)."""
+    lean, size, torsion = precision[0], precision[1], precision[2]
+    nx, ny, nz = normal
+    H[0, 0] += lean * (1.0 - nx * nx) + size
+    H[1, 1] += lean * (1.0 - ny * ny) + size
+    H[2, 2] += lean * (1.0 - nz * nz) + size
+    H[1, 0] -= lean * nx * ny
+    H[2, 0] -= lean * nx * nz
+    H[2, 1] -= lean * ny * nz
+    H[3, 3] += torsion
+
+
+@kernel
+def _solve(factor: np.ndarray, r: np.ndarray, u: np.ndarray) -> float:
+    """Fill u = H^-1 r, given the Cholesky factor of H; returns 1/2 r^T H^-1 r."""
+    half = 0.0
+    for i in range(4):
+        s = r[i]
+        for k in range(i):
+            s -= factor[i, k] * u[k]
+        u[i] = s / factor[i, i]
+        half += 0.5 * u[i] * u[i]
+    for i in range(3, -1, -1):
+        s = u[i]
+        for k in range(i + 1, 4):
+            s -= factor[k, i] * u[k]
+        u[i] = s / factor[i, i]
+    return half
+
+
+@kernel
+def _fill_moment_changes(w: int, path: PathArrays, normal: Vector, force: Vector, E: np.ndarray) -> None:
+    """Change of a window's moment by the unknowns of the knots before and after it: tangents and offset."""
+    k, alpha = path.knot[w], path.fraction[w]
+    following = min(k + 1, path.places.shape[0] - 1)
+    for c in range(6):
+        knot, weight = (k, 1.0 - alpha) if c < 3 else (following, alpha)
+        move = normal
+        if c % 3 < 2:
+            tangent = vector(path.frames[knot, c % 3])
+            move = add_scaled(tangent, -dot(tangent, normal), normal)
+        E[c, 0], E[c, 1], E[c, 2] = cross(scale(weight, move), force)
 
 
 @kernel
