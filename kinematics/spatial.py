@@ -14,6 +14,15 @@ def dot6(a: np.ndarray | Six, b: np.ndarray | Six) -> float:
 
 
 @kernel
+def quadratic_form(C: np.ndarray, a: np.ndarray | Six) -> float:
+    """a . C a, with C of shape (6, 6): the variance of a . w for a wrench w of covariance C."""
+    total = 0.0
+    for i in range(6):
+        total += a[i] * dot6(C[i], a)
+    return total
+
+
+@kernel
 def component_about(origin: np.ndarray, i: int) -> tuple[float, float, float, float, float, float]:
     """Row whose product with a wrench (f, m) about the base origin is component i of the same wrench about
     the point `origin`: of the force, or of the moment m - o x f."""

@@ -23,7 +23,7 @@ from contactsense.benchmarks.motion import options as motion_options
 from contactsense.benchmarks.motion.command import samples, scene_for
 from contactsense.benchmarks.motion.options import MODELS
 from contactsense.benchmarks.motion.score import AGES, samples_at_ages
-from contactsense.benchmarks.motion.streams import Stream, read, redrawn
+from contactsense.benchmarks.motion.streams import Stream, read, redrawn, with_velocity_noise
 from contactsense.benchmarks.truth_arms import files_of
 
 
@@ -34,6 +34,7 @@ from contactsense.benchmarks.truth_arms import files_of
 @motion_options.levels()
 @motion_options.model("exact")
 @motion_options.draws(1)
+@motion_options.velocity_noise()
 @options.as_json
 def motion_calibration(
     folder: Path,
@@ -42,6 +43,7 @@ def motion_calibration(
     levels: tuple[int, ...],
     model: str,
     draws: int,
+    velocity_noise: float,
     as_json: bool,
 ) -> None:
     """Compare stated probabilities with what is right, for the contacts of arms that move and rest in FOLDER
@@ -49,7 +51,10 @@ def motion_calibration(
     motion, holds, slides and impacts alike. Columns as in `contactsense bench calibration`; region: of the
     contacts with an answer.
     """
-    streams = {pair: read(folder, *pair) for pair in files_of(folder, robots, suites)}
+    streams = {
+        pair: [with_velocity_noise(run, velocity_noise) for run in read(folder, *pair)]
+        for pair in files_of(folder, robots, suites)
+    }
     rounds = [
         (name, suite, COLUMNS[level], wrong)
         for wrong in MODELS[model]
@@ -62,7 +67,15 @@ def motion_calibration(
     ):
         results += summaries(streams[name, suite], noise, wrong, draws)
     if as_json:
-        click.echo(json.dumps({"model": model, "results": [plain(result) for result in results]}))
+        click.echo(
+            json.dumps(
+                {
+                    "model": model,
+                    "velocity_noise": velocity_noise,
+                    "results": [plain(result) for result in results],
+                }
+            )
+        )
         return
     print_summary(results, "contacts over time", "after")
 

@@ -28,7 +28,7 @@ from contactsense.benchmarks.motion.model_error import (
 )
 from contactsense.benchmarks.motion.options import MODELS
 from contactsense.benchmarks.motion.score import AGES, Answer, Score
-from contactsense.benchmarks.motion.streams import KINDS, SUITES, Stream, read, redrawn
+from contactsense.benchmarks.motion.streams import KINDS, SUITES, Stream, read, redrawn, with_velocity_noise
 from contactsense.benchmarks.truth_arms import files_of, name_of
 from contactsense.residuals.momentum_observer import noise_variance_ratio
 from contactsense.sensors.settings import Friction
@@ -42,6 +42,7 @@ from contactsense.service.cli.finite_range import FiniteRange
 @motion_options.levels()
 @motion_options.model("both")
 @motion_options.draws(1)
+@motion_options.velocity_noise()
 @click.option(
     "--sensors", type=click.Choice(list(SENSORS)), default="all", show_default=True, help="Sensors in use."
 )
@@ -61,6 +62,7 @@ def motion(
     levels: tuple[int, ...],
     model: str,
     draws: int,
+    velocity_noise: float,
     sensors: str,
     bandwidth: float | None,
     over_time: bool,
@@ -72,7 +74,10 @@ def motion(
     fraction is printed next to them. Ratios are to the same contacts on an arm at rest: the true wrench of
     each sample with the noise that the observer leaves, located without a stream.
     """
-    streams = {pair: read(folder, *pair) for pair in files_of(folder, robots, suites)}
+    streams = {
+        pair: [with_velocity_noise(run, velocity_noise) for run in read(folder, *pair)]
+        for pair in files_of(folder, robots, suites)
+    }
     rounds = [
         (name, suite, COLUMNS[level], wrong)
         for wrong in MODELS[model]
@@ -87,7 +92,14 @@ def motion(
     if as_json:
         click.echo(
             json.dumps(
-                {"sensors": sensors, "bandwidth": bandwidth, "draws": draws, "results": results}, indent=1
+                {
+                    "sensors": sensors,
+                    "bandwidth": bandwidth,
+                    "draws": draws,
+                    "velocity_noise": velocity_noise,
+                    "results": results,
+                },
+                indent=1,
             )
         )
         return

@@ -7,6 +7,7 @@ import click
 
 from contactsense.benchmarks.accuracy.static_cases import COLUMNS
 from contactsense.benchmarks.motion.streams import SUITES
+from contactsense.service.cli.finite_range import FiniteRange
 
 MODELS = {"exact": (False,), "wrong": (True,), "both": (False, True)}
 """Choice -> whether mass and friction are wrong, one run each."""
@@ -47,6 +48,17 @@ def model(default: str) -> Decorator:
         default=default,
         show_default=True,
         help="Masses and friction exact, or 2 % and 5 % wrong.",
+    )
+
+
+def velocity_noise() -> Decorator:
+    """`--velocity-noise`: how much noise the joint velocities have."""
+    return click.option(
+        "--velocity-noise",
+        type=FiniteRange(0.0),
+        default=0.0,
+        show_default=True,
+        help="Standard deviation of the velocities of joints that move [rad/s]; about 0.001 on a real UR10e.",
     )
 
 

@@ -38,6 +38,10 @@ class Event:
     """`hold`, `slide`, `impact`, or `press` (a simulated finger)."""
 
 
+MOVES = 1e-3
+"""Speed above which a joint moves [rad/s]."""
+
+
 @dataclass(frozen=True)
 class Stream:
     """One run of N samples; units and frames as in `contactsense.Sample`, the sensors without noise."""
@@ -102,6 +106,12 @@ def redrawn(stream: Stream, draw: int) -> Stream:
         noise_torque=rng.standard_normal(stream.noise_torque.shape),
         noise_wrench=rng.standard_normal(stream.noise_wrench.shape),
     )
+
+
+def with_velocity_noise(stream: Stream, deviation: float) -> Stream:
+    """The same run with noise of that standard deviation [rad/s] in the velocities of joints that move."""
+    noise = np.random.default_rng((stream.run, len(stream.t))).standard_normal(stream.qd.shape)
+    return replace(stream, qd=stream.qd + deviation * noise * (np.abs(stream.qd) > MOVES))
 
 
 def _runs(data: dict[str, np.ndarray], robot: str, suite: str) -> Iterator[Stream]:

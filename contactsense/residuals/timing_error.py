@@ -1,15 +1,17 @@
-"""Error of the joint torques' residuals because velocity and torque of a sample are not of the same instant.
+"""Error of residuals because velocity and torque, or wrench, of a sample are not of the same instant.
 
 Both are known once in a sample interval, and each may be that of any instant in it: encoders average, drives
-and links move against each other, values wait for the next packet. While the momentum h of a joint changes
+and links move against each other, values wait for the next packet, sensors have clocks of their own. Even at
+one instant, what happens between two samples is known by interpolation only. While the momentum h changes
 steadily, that does not matter: the observer forgets a constant offset in time. When dh/dt changes by D, as in
-a hard stop, an offset d puts K d D into the residual r = K (h - integral), and this decays as the residual
-does. With d uniform over one interval dt and independent for each sample, the variance follows
+a hard stop or at the end of a ramp of the speed, an offset d puts K d D into the residual
+r = K (h - integral), and this decays as the residual does. With d uniform over one interval dt and
+independent for each sample, the variance follows
 
     v <- a^2 v + (K dt)^2 D^2 / 12,    a = exp(-K dt).
 
 It has no parameter, and vanishes with the sample interval. A contact changes dh/dt too, but its torque stays
-while this error decays.
+while this error decays. For wrenches, see `contactsense.residuals.wrench_timing_error`.
 """
 
 import math
@@ -25,7 +27,7 @@ _UNIFORM_VARIANCE = 1.0 / 12.0
 
 
 class TimingError(NamedTuple):
-    """State for n joints."""
+    """State for the torques of n joints."""
 
     momentum: Annotated[Floats, "joints"]
     """h of each joint at the last sample [Nms]."""
@@ -52,10 +54,7 @@ def advance_timing_error(state: TimingError, momentum: np.ndarray, dt: float, ba
     """
     if dt == 0.0:
         state.samples[0] = 0
-    step = 2.0 * math.pi * bandwidth * dt
-    decay = math.exp(-2.0 * step)
-    # After a gap longer than its time constant the observer has forgotten what was before.
-    gain = min(step, 1.0) ** 2 * _UNIFORM_VARIANCE
+    decay, gain = decay_and_gain(dt, bandwidth)
     for j in range(momentum.shape[0]):
         if dt < 0.0:
             state.variance[j] = state.stream_variance[j]
@@ -68,3 +67,11 @@ def advance_timing_error(state: TimingError, momentum: np.ndarray, dt: float, ba
         state.momentum[j] = momentum[j]
     if dt >= 0.0:
         state.samples[0] += 1
+
+
+@inlined_kernel
+def decay_and_gain(dt: float, bandwidth: float) -> tuple[float, float]:
+    """Factor of the variance in a step, and that of D^2 in it [s^2]."""
+    step = 2.0 * math.pi * bandwidth * dt
+    # After a gap longer than its time constant the observer has forgotten what was before.
+    return math.exp(-2.0 * step), min(step, 1.0) ** 2 * _UNIFORM_VARIANCE

@@ -3,7 +3,7 @@
 import math
 
 from contactsense.kinematics.linalg.ldl import half_squared_norm
-from contactsense.kinematics.spatial import dot6
+from contactsense.kinematics.spatial import quadratic_form
 from contactsense.residuals.sensor_consistency import AGREEMENT, FORCE
 from contactsense.robots.jit.kernel import inlined_kernel
 from contactsense.runtime.state import State
@@ -39,10 +39,8 @@ def consistency_statistics(constants: Constants, state: State, variance_ratio: f
     state.statistics[TORQUE] = stated / n
     best, proximal = distal, 0.0
     for j in range(n):
-        s = state.motion.screw[j]
-        variance = state.torque_variance[j]
-        for i in range(6):
-            variance += s[i] * dot6(state.base_covariance[i], s) * variance_ratio
+        base_variance = quadratic_form(state.base_covariance, state.motion.screw[j]) * variance_ratio
+        variance = state.torque_variance[j] + base_variance
         proximal += state.observers.torque_difference.residual[j] ** 2 / variance
         distal -= state.torque[j] ** 2 / state.torque_variance[j]
         best = min(best, proximal + distal)

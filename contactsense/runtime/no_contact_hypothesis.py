@@ -6,7 +6,7 @@ import math
 import numpy as np
 
 from contactsense.kinematics.linalg.ldl import half_squared_norm, invert_spd
-from contactsense.kinematics.spatial import component_about, dot6
+from contactsense.kinematics.spatial import component_about, dot6, quadratic_form
 from contactsense.residuals.bias_filter import update, update_is_due
 from contactsense.residuals.friction_at_rest import TorqueVariance, energy_beyond_static_friction
 from contactsense.residuals.model_correction import apply_correction
@@ -104,11 +104,11 @@ def update_covariances(constants: Constants, state: State, variance_ratio: float
     """Fill the covariances of the residuals, noise times `variance_ratio` plus model uncertainty, and the
     inverse of that of the base wrench."""
     _fill_covariances(constants, state, variance_ratio)
-    bias_filter_trace = 0.0
+    trace = 0.0
     for i in range(6):
-        bias_filter_trace += state.bias_filter.base_covariance[i, i]
-    # Zero trace and noise as stated: the precomputed inverse holds.
-    if bias_filter_trace > 0.0 or state.noise_scale.noise[BASE].scale > 1.0:
+        trace += state.bias_filter.base_covariance[i, i] + state.base_timing_error.covariance[i, i]
+    # Noise alone, as stated: the precomputed inverse holds.
+    if trace > 0.0 or state.noise_scale.noise[BASE].scale > 1.0:
         invert_spd(state.base_covariance, state.base_information)
     else:
         for i in range(6):
@@ -122,17 +122,32 @@ def _fill_covariances(constants: Constants, state: State, variance_ratio: float)
         state.torque_variance[j] = (
             _torque_noise(constants, state, j, variance_ratio) + bias_filter.torque_variance[j]
         )
+    # In an average the error of the instants, which decays as the residual does, has the share of low-passed
+    # noise.
+    share = variance_ratio / _residual_ratio(state)
     for s in range(state.link_variance.shape[0]):
         for i in range(6):
             noise = sensors.link_variance[s, i // 3] * variance_ratio
-            state.link_variance[s, i] = noise + state.link_mass_variance[s, i]
-    inverse_ratio, noise_scale = 1.0 / variance_ratio, state.noise_scale.noise[BASE].scale
+            timing = quadratic_form(
+                state.link_timing_error.covariance[s], component_about(state.link_origin[s], i)
+            )
+            state.link_variance[s, i] = noise + state.link_mass_variance[s, i] + share * timing
+    inverse_ratio, inverse_residual_ratio = 1.0 / variance_ratio, 1.0 / _residual_ratio(state)
+    noise_scale = state.noise_scale.noise[BASE].scale
     for i in range(6):
         for k in range(6):
-            state.base_covariance[i, k] = (
+            noise = (
                 noise_scale * sensors.base_covariance[i, k]
-                + bias_filter.base_covariance[i, k] * inverse_ratio
+                + state.base_timing_error.covariance[i, k] * inverse_residual_ratio
             )
+            state.base_noise[i, k] = noise
+            state.base_covariance[i, k] = noise + bias_filter.base_covariance[i, k] * inverse_ratio
+
+
+@inlined_kernel
+def _residual_ratio(state: State) -> float:
+    """Variance of the newest residuals over that of a sample's noise."""
+    return float(max(state.stream.clock[0].variance_ratio, MIN_VARIANCE_RATIO))
 
 
 @inlined_kernel
@@ -145,8 +160,9 @@ def _torque_noise(constants: Constants, state: State, j: int, variance_ratio: fl
         state.unmodelled_std[j] ** 2
         + constants.torque_model.inertia_torque_variance[j] * inertia_torque * inertia_torque
     )
-    residual_ratio = max(state.stream.clock[0].variance_ratio, MIN_VARIANCE_RATIO)
-    share = share_in_average(constants.torque_model.average_variance[j], variance_ratio / residual_ratio)
+    share = share_in_average(
+        constants.torque_model.average_variance[j], variance_ratio / _residual_ratio(state)
+    )
     return float(noise * variance_ratio + state.timing_error.variance[j] + share * model_variance)
 
 
@@ -215,6 +231,7 @@ def update_bias_filter(
         for i in range(6):
             variance = (
                 constants.sensors.base_covariance[i, i] * state.noise_scale.noise[BASE].scale * variance_ratio
+                + state.base_timing_error.covariance[i, i]
             )
             update(bias_filter, n + i, n, state.base_wrench[i], variance * variance_inflation)
     apply_correction(

@@ -41,7 +41,7 @@ class PickedUpPayload:
 
     def __init__(self, scene: Scene, buffers: KernelBuffers) -> None:
         """Start with the scene's own tool only."""
-        self._constants, self._state = buffers.constants, buffers.state
+        self._state = buffers.state
         self._down = scene.gravity_base / scene.gravity
         self._gravity = scene.gravity
         self._flange = scene.robot.flange_translation
@@ -86,7 +86,7 @@ class PickedUpPayload:
     def _mean_wrench(self) -> tuple[np.ndarray, np.ndarray]:
         """Recent mean wrench on the base sensor, base axes, and its covariance."""
         track = self._state.track
-        noise = track.windows[_WINDOW].variance_ratio * self._constants.sensors.base_covariance
+        noise = track.windows[_WINDOW].variance_ratio * self._state.base_noise
         return track.mean[_WINDOW, _BASE_WRENCH].copy(), noise + self._state.bias_filter.base_covariance
 
     def _is_payload(self, wrench: np.ndarray, covariance: np.ndarray, force: float) -> bool:

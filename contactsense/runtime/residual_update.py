@@ -15,6 +15,7 @@ from contactsense.residuals.momentum_observer import group_of
 from contactsense.residuals.noise_scale import follow_noise
 from contactsense.residuals.observers import ResidualParts, start_steps
 from contactsense.residuals.timing_error import advance_timing_error
+from contactsense.residuals.wrench_timing_error import advance_wrench_timing_error, of_link_sensor
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import inlined_kernel
 from contactsense.runtime.state import State
@@ -153,6 +154,16 @@ def follow_noise_and_timing(constants: Constants, state: State) -> None:
         stream.steps[TORQUE],
     )
     advance_timing_error(state.timing_error, state.observers.joints.momentum, stream.steps[TORQUE], bandwidth)
+    # The base's own frame is the base frame.
+    momentum, covariance = state.observers.base.momentum[:6], constants.sensors.base_covariance
+    variances = (covariance[0, 0], covariance[3, 3])
+    advance_wrench_timing_error(state.base_timing_error, momentum, variances, stream.steps[BASE], bandwidth)
+    for s in range(state.link_load.shape[0]):
+        noise = constants.sensors.link_variance[s]
+        advance_wrench_timing_error(
+            of_link_sensor(state.link_timing_error, s), state.link_load[s, 0], (noise[0], noise[1]),
+            stream.steps[LINK + s], bandwidth,
+        )  # fmt: skip
     follow_inertia_torque(state.inertia_torque, state.timing_error.rate, stream.steps[TORQUE], bandwidth)
     copy(state.stream_unmodelled_std, state.unmodelled_std)
 

@@ -18,6 +18,7 @@ from contactsense.residuals.observers import Observers
 from contactsense.residuals.residual_ewma import ResidualEwma
 from contactsense.residuals.sensor_consistency import SensorConsistency
 from contactsense.residuals.timing_error import TimingError
+from contactsense.residuals.wrench_timing_error import WrenchTimingError
 from contactsense.robots.jit.declaration import Floats, Integers, Sized
 from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.runtime.answer import Answer
@@ -61,6 +62,10 @@ class State(NamedTuple):
     """Noise of the sensors in units of the stated one."""
     timing_error: TimingError
     """Error of the torques' residuals due to the instants of the samples."""
+    base_timing_error: WrenchTimingError
+    """Error of the base wrench's residual due to velocities and instants of the samples."""
+    link_timing_error: Annotated[WrenchTimingError, Sized("link_sensors")]
+    """That of each link sensor's."""
     inertia_torque: InertiaTorque
     """Inertia torques, to which the torques' model error is in part proportional."""
     link_load: Annotated[Floats, "link_sensors, 2, 6"]
@@ -69,6 +74,9 @@ class State(NamedTuple):
     """Origin of each link sensor, base frame [m]."""
     unbiased_wrench: Annotated[Floats, "6"]
     """Scratch: base wrench minus its bias [N, Nm]."""
+    base_noise: Annotated[Floats, "6, 6"]
+    """Covariance of the noise of one sample of the base wrench that would have the effect which the noise of
+    sensor and velocities has."""
     base_covariance: Annotated[Floats, "6, 6"]
     """Covariance of `base_wrench` from noise and model, divided by the residuals' variance ratio."""
     base_information: Annotated[Floats, "6, 6"]

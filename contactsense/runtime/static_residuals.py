@@ -59,6 +59,8 @@ def take_static_residuals(
     state.bias_filter.torque_variance[:] = 0.0
     state.link_mass_variance[:] = 0.0
     state.timing_error.variance[:] = 0.0
+    state.base_timing_error.covariance[:] = 0.0
+    state.link_timing_error.covariance[:] = 0.0
     state.inertia_torque.present[:] = 0.0
     for i in range(len(state.noise_scale.noise)):
         state.noise_scale.noise[i].scale = 1.0

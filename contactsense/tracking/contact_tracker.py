@@ -49,7 +49,13 @@ HOLD_TIME_CONSTANTS = 20.0
 
 @kernel
 def choose_window(
-    sensors: SensorModel, track: ContactTrack, motion: Motion, has_base: bool, dt: float, bandwidth: float
+    sensors: SensorModel,
+    base_noise: np.ndarray,
+    track: ContactTrack,
+    motion: Motion,
+    has_base: bool,
+    dt: float,
+    bandwidth: float,
 ) -> bool:
     """Choose the window to use; returns whether the contact has moved.
 
@@ -59,7 +65,8 @@ def choose_window(
     example, and 4 disagrees with 0, then 4 becomes a copy of 3, and 3 is the longest that can be used.
 
     Args:
-        sensors: Noise of one sample.
+        sensors: Noise of one sample of the joint torques.
+        base_noise: Covariance of that of the base wrench, shape (6, 6).
         track: Changed in place: the chosen window, and windows that are restarted.
         motion: Poses.
         has_base: Whether the base sensor's residual can be used. Without it windows agree as long as the
@@ -77,7 +84,7 @@ def choose_window(
     slid = False
     agreement = AGREE_HOLDING if status.phase == HOLD else AGREE
     if has_base:
-        _position_covariance(sensors, motion, track)
+        _position_covariance(base_noise, motion, track)
         _window_positions(track)
     for i in range(1, WINDOWS):
         max_distance = -1.0
@@ -149,7 +156,7 @@ def _window_positions(track: ContactTrack) -> None:
 
 
 @kernel
-def _position_covariance(sensors: SensorModel, motion: Motion, track: ContactTrack) -> None:
+def _position_covariance(base_noise: np.ndarray, motion: Motion, track: ContactTrack) -> None:
     """Covariance of (n x r) in the tangent plane, for the noise of one sample of the base sensor."""
     p, normal, body = track.last_point, track.last_normal, track.status[0].last_body
     R, o = motion.rotation[body], motion.origin[body]
@@ -161,7 +168,7 @@ def _position_covariance(sensors: SensorModel, motion: Motion, track: ContactTra
     # Along the tangents a and b, n x r has the components -b . r and a . r.
     xx, xy, yy = 0.0, 0.0, 0.0
     for i in range(6):
-        Ca, Cb = dot6(sensors.base_covariance[i], a), dot6(sensors.base_covariance[i], b)
+        Ca, Cb = dot6(base_noise[i], a), dot6(base_noise[i], b)
         xx += b[i] * Cb
         xy -= a[i] * Cb
         yy += a[i] * Ca

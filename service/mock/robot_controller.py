@@ -293,7 +293,7 @@ class RobotController:
         return Reading(
             t=self.now,
             q=arm.q,
-            qd=arm.qd,
+            qd=self._measured_velocity(),
             target=arm.target,
             torque=cell.torque_sign * (torque + cell.torque_noise * noise[12 : 12 + joints]),
             model_torque=cell.torque_sign * (arm.model_torque + taken),
@@ -312,6 +312,13 @@ class RobotController:
             deviation=self.deviation,
             collision=self.collision,
         )
+
+    def _measured_velocity(self) -> np.ndarray:
+        noise = self.script.noise.joint_velocity
+        if noise == 0.0:
+            return self.arm.qd
+        qd = self.arm.qd
+        return np.asarray(qd + noise * self._chance.standard_normal(len(qd)) * (qd != 0.0))
 
 
 def _check_start(arm: ArmSimulation, script: Script, cell: Cell) -> None:

@@ -30,7 +30,7 @@ class ScriptError(ValueError):
 
 
 class Noise(FileModel):
-    """Standard deviations of the sensors' white noise."""
+    """Standard deviations of the white noise of sensors and of the controller's joint velocities."""
 
     base_force: NonNegativeFloat = 0.0
     """Base sensor's force, each axis [N]."""
@@ -38,6 +38,8 @@ class Noise(FileModel):
     """Base sensor's moment about the base origin, each axis [Nm]."""
     joint_torque: NonNegativeFloat = 0.0
     """Joint torques [Nm]."""
+    joint_velocity: NonNegativeFloat = 0.0
+    """Velocities of joints that move [rad/s]."""
     seed: NonNegativeInt = 0
     """Seed of the random generator; the same seed gives the same noise."""
 

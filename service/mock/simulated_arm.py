@@ -53,7 +53,7 @@ class Motion:
     q: np.ndarray
     """Joint positions [rad], shape (N, n)."""
     qd: np.ndarray
-    """Joint velocities [rad/s], shape (N, n)."""
+    """Joint velocities, with noise [rad/s], shape (N, n)."""
     qdd: np.ndarray
     """Joint accelerations [rad/s^2], shape (N, n)."""
     joint_torque: np.ndarray
@@ -100,6 +100,8 @@ def simulate(script: Script, robot: Robot | None = None) -> Motion:
     noise, chance = script.noise, np.random.default_rng(script.noise.seed)
     torque += noise.joint_torque * chance.standard_normal(torque.shape)
     wrench += chance.standard_normal(wrench.shape) * np.repeat([noise.base_force, noise.base_moment], 3)
+    if noise.joint_velocity > 0.0:
+        qd += noise.joint_velocity * chance.standard_normal(qd.shape) * (qd != 0.0)
     for array in (t, q, qd, qdd, torque, wrench):
         array.setflags(write=False)
     return Motion(arm, script.rate, t, q, qd, qdd, torque, wrench, tuple(touches))

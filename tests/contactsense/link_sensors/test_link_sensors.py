@@ -106,8 +106,9 @@ def test_the_load_in_motion_is_that_of_pinocchio(localizer: Localizer) -> None:
 
 
 @pytest.mark.parametrize("scene", [ALL, WITHOUT_BASE], ids=["all", "without base"])
-def test_no_false_alarms_in_motion(scene: Scene) -> None:
-    found = list(Localizer(scene).run(stream(scene, 8.0, seed=3)))
+@pytest.mark.parametrize("velocity_noise", [0.0, 0.001, 0.003])
+def test_no_false_alarms_in_motion(scene: Scene, velocity_noise: float) -> None:
+    found = list(Localizer(scene).run(stream(scene, 8.0, seed=3, velocity_noise=velocity_noise)))
     assert {estimate.status for estimate in found[100:]} == {"none"}
 
 

@@ -83,8 +83,10 @@ def stream(
     start: float = 1.0,
     seed: int = 0,
     robot: Robot = ARM,
+    velocity_noise: float = 0.0,
 ) -> list[Sample]:
-    """Samples of `motion` with the scene's noise; the loads act from `start` on [s]."""
+    """Samples of `motion` with the scene's noise, and that of the velocities [rad/s]; the loads act from
+    `start` on [s]."""
     oracle, chance, samples = Oracle(robot, scene.gravity_base), np.random.default_rng(seed), []
     sensor = scene.link_wrenches[0]
     for i in range(round(seconds / STEP)):
@@ -95,7 +97,7 @@ def stream(
         read = noisy(exact, scene, place + rotation @ np.array(sensor.translation), chance)
         samples.append(
             Sample(
-                t, q, qd,
+                t, q, qd + velocity_noise * chance.standard_normal(len(qd)),
                 None if scene.joint_torque is None else read.torque,
                 None if scene.base_wrench is None else read.base,
                 link_wrenches={sensor.name: read.forearm},

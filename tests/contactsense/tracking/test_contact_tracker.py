@@ -274,7 +274,7 @@ def test_stated_covariance_of_a_position_on_the_tangent_plane() -> None:
         track.mean[:, 6 * LINK : 6 * LINK + 6] = np.hstack((f @ R, m @ R))
         _window_positions(track)
         positions += [np.array([track.windows[i].x, track.windows[i].y]) for i in range(WINDOWS)]
-    _position_covariance(constants.sensors, motion, track)
+    _position_covariance(constants.sensors.base_covariance, motion, track)
     xx, xy, yy = track.moment_covariance / 20.0**2
     np.testing.assert_allclose(np.mean(positions, axis=0), 0.0, atol=1e-3)
     found = np.cov(np.array(positions).T)
@@ -293,7 +293,8 @@ def test_a_sustained_contact_begins_with_the_average_that_showed_it(sustained: b
     track.status[0].sustained, track.status[0].last_body = sustained, -1
     average_windows(track, ewma, observers, 0.06, 2, 0.002, 10.0)
     motion, scene = empty_motion(6), Scene(robot=ARM, base_wrench=None)
-    assert not choose_window(build_constants(scene).sensors, track, motion, False, 0.002, 10.0)
+    sensors = build_constants(scene).sensors
+    assert not choose_window(sensors, sensors.base_covariance, track, motion, False, 0.002, 10.0)
     np.testing.assert_array_equal(track.mean[0, first_torque(6) : first_torque(6) + 6], 1.0)
     if sustained:
         np.testing.assert_array_equal(track.mean[1:], 2.0)

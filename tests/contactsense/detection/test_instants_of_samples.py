@@ -1,0 +1,75 @@
+"""Velocity and wrench of a sample are not of the same instant, and velocities have noise: neither is taken
+for a contact, and contacts that come meanwhile are found."""
+
+import numpy as np
+import pytest
+
+from contactsense import Localizer, Sample, Scene, robots
+from contactsense.service.mock.newton_euler import inverse_dynamics
+from contactsense.service.mock.script import Script
+from contactsense.service.mock.simulated_arm import simulate
+
+DT = 0.002
+NOISE = np.repeat([0.25, 0.05], 3)
+HOME = np.array([0.0, -1.3, 1.6, -1.9, -1.57, 0.0])
+SHARE = np.array([1.0, -0.6, 0.8, 0.9, -1.0, 1.2])
+"""Of the joints in the motion."""
+
+
+@pytest.fixture(scope="module")
+def localizer() -> Localizer:
+    return Localizer(Scene(robot="ur5e"))
+
+
+def ramps(chance: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Times (N,), positions, velocities and accelerations (N, 6) of joints whose velocities rise and fall in
+    straight ramps. These begin and end at any instant between two samples."""
+    acceleration, lasts = [], []
+    for sign in np.tile([1.0, -1.0], 12):
+        rise, hold = chance.uniform(0.1, 0.2), chance.uniform(0.1, 0.3)
+        acceleration += [2.0 * sign, 0.0, -2.0 * sign, 0.0]
+        lasts += [rise, hold, rise, hold]
+    a = np.array(acceleration)
+    begin = np.concatenate(([0.0], np.cumsum(lasts)[:-1]))
+    v = np.concatenate(([0.0], np.cumsum(a * lasts)[:-1]))
+    x = np.concatenate(([0.0], np.cumsum(v * lasts + 0.5 * a * np.square(lasts))[:-1]))
+    t = np.arange(0.0, np.sum(lasts), DT)
+    k = np.searchsorted(begin, t, "right") - 1
+    d = t - begin[k]
+    position, velocity = x[k] + v[k] * d + 0.5 * a[k] * d**2, v[k] + a[k] * d
+    return t, HOME + np.outer(position, SHARE), np.outer(velocity, SHARE), np.outer(a[k], SHARE)
+
+
+def test_where_accelerations_jump_there_is_no_contact(localizer: Localizer) -> None:
+    """As at the end of a ramp of the speed slider."""
+    chance = np.random.default_rng(0)
+    t, q, qd, qdd = ramps(chance)
+    torque, base = inverse_dynamics(robots.load("ur5e"), q, qd, qdd)
+    torque += chance.standard_normal(torque.shape)
+    base += NOISE * chance.standard_normal(base.shape)
+    localizer.reset()
+    found = [
+        localizer.step(Sample(*sample)).status for sample in zip(t.tolist(), q, qd, torque, base, strict=True)
+    ]
+    assert len(found) > 5000
+    assert set(found[100:]) == {"none"}
+
+
+@pytest.mark.parametrize("noise", [0.0003, 0.001, 0.003])
+def test_noise_of_the_velocities_is_no_contact_and_hides_none(localizer: Localizer, noise: float) -> None:
+    """The stated noise is that of the sensors alone. Real velocities have about 0.001 rad/s."""
+    script = Script.demo()
+    script = script.model_copy(update={"noise": script.noise.model_copy(update={"joint_velocity": noise})})
+    motion = simulate(script)
+    localizer.reset()
+    onsets, links = [], set()
+    for i, t in enumerate(motion.t.tolist()):
+        sample = Sample(t, motion.q[i], motion.qd[i], motion.joint_torque[i], motion.base_wrench[i])
+        estimate = localizer.step(sample)
+        onsets += [t for event in estimate.events if event.kind == "onset"]
+        links |= {contact.link for contact in estimate.contacts if estimate.status == "contact"}
+        assert estimate.status != "degraded" or t < 0.2
+    begins = [contact.start for contact in script.contacts]
+    assert len(onsets) == len(begins)
+    np.testing.assert_allclose(onsets, begins, atol=0.05)
+    assert links == {contact.link for contact in script.contacts}
