@@ -98,6 +98,8 @@ def build_candidate(
     )
     error = surface_error_in_cell(prior, scene.deviations, cell)
     store_candidate(candidates, row, p, frame, mode, error)
+    # Before `frame`, which is scratch, becomes that of the primitive on which the candidate ends.
+    by_surface = _covariance_by_surface(mode, error, frame, R)
     max_variance = max(mode.variances[0], mode.variances[2])
     centre = rotate_back(R, subtract(vector(candidates.point[row]), vector(o)))
     converged = mode.log_evidence > -math.inf
@@ -130,7 +132,15 @@ def build_candidate(
         C[5] - 2.0 * mean[2] * dz + dz * dz,
     )
     if converged:
-        C = _with_surface_error(C, mode, error, frame, R)
+        # The evidence of cells is that of contacts on the primitive itself.
+        C = (
+            C[0] + by_surface[0],
+            C[1] + by_surface[1],
+            C[2] + by_surface[2],
+            C[3] + by_surface[3],
+            C[4] + by_surface[4],
+            C[5] + by_surface[5],
+        )
     if not narrow:
         normal = rotate_back(R, vector(candidates.normal[row]))
         C = scaled_along_surface(C, normal, ellipse_scale(cells, rows, point, normal, C))
@@ -258,12 +268,10 @@ def _merge_cells(
 
 
 @fused_kernel
-def _with_surface_error(C: Six, mode: Mode, error: SurfaceError, frame: Frame, R: np.ndarray) -> Six:
-    """Second moments C of a candidate's cells, link frame, with what the surface's error adds to them.
+def _covariance_by_surface(mode: Mode, error: SurfaceError, frame: Frame, R: np.ndarray) -> Six:
+    """Covariance of a place that the surface's error causes (xx, xy, xz, yy, yz, zz), link frame [m^2].
 
     Args:
-        C: Second moments (xx, xy, xz, yy, yz, zz) [m^2]. The evidence of cells is that of contacts on the
-            primitive itself.
         mode: The candidate's posterior mode, in the axes of `frame`.
         error: Of the surface there.
         frame: Body frame of the primitive.
@@ -276,8 +284,8 @@ def _with_surface_error(C: Six, mode: Mode, error: SurfaceError, frame: Frame, R
         rotate_back(R, rotate(frame.rotation, t)),
     )
     factor = 1.0 / (error.tails * error.tails)
-    S = from_tangents((factor * s11, factor * s12, factor * s22), axes)
-    return C[0] + S[0], C[1] + S[1], C[2] + S[2], C[3] + S[3], C[4] + S[4], C[5] + S[5]
+    found: Six = from_tangents((factor * s11, factor * s12, factor * s22), axes)
+    return found
 
 
 @fused_kernel

@@ -232,6 +232,8 @@ def _pool(
     seeding, link, deviation = buffers.seeding, surface.surfaces.link, prior.surface_deviation
     if sets.further == 1:
         _fill_link_evidence(seeding.link_probability, seeding.pair_evidence)
+    else:
+        _add_link_prior(prior.log_link_density, seeding.pair_evidence)
     pool_link_evidence(link, sets, seeding.pair_evidence, deviation)
     if sets.further == 2 and sets.known == 0:
         pool_places(link, model.samples, deviation, seeding, sets)
@@ -277,3 +279,12 @@ def _fill_link_evidence(probability: np.ndarray, out: np.ndarray) -> None:
     for link in range(probability.shape[0]):
         if probability[link] > 0.0:
             out[link, link] = math.log(probability[link])
+
+
+@fused_kernel
+def _add_link_prior(log_link_density: np.ndarray, out: np.ndarray) -> None:
+    """Add the prior over links to the log evidence of pairs of links, which is that of places uniform by
+    area; shape (links, links), k >= l in row k."""
+    for k in range(out.shape[0]):
+        for link in range(k + 1):
+            out[k, link] += log_link_density[k] + log_link_density[link]

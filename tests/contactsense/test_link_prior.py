@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from contactsense import JointTorqueSensor, Localizer, Scene, SceneError, detectability
+from contactsense.benchmarks.multi_contact.trials import Trials
 from contactsense.robots import Robot
 from contactsense.robots.primitives import Cylinder, Sphere
 from contactsense.robots.surroundings import Body
@@ -120,6 +121,20 @@ def test_posterior_odds_change_by_the_odds_of_the_priors(by_area: Localizer) -> 
         change = np.log(after / before)
         # Cells with less than exp(-8) of the best one's evidence are left out.
         np.testing.assert_allclose(change - change[-1], expected, atol=1e-3)
+
+
+@pytest.mark.slow
+def test_of_two_contacts_none_is_on_a_link_that_is_hardly_ever_touched() -> None:
+    scene = Scene(robot=ARM, link_prior={**dict.fromkeys(LINKS, 1.0), LINKS[3]: 1e-9})
+    localizer, trials = Localizer(scene), Trials(Scene(robot=ARM), seed=3)
+    several = 0
+    for _ in range(10):
+        trial = trials.draw(2, 20.0, "different")
+        base, torque = trial.measure(trial.pushes)
+        estimate = localizer.locate(trial.q, base_wrench=base, joint_torque=torque, contacts=2, detect=False)
+        assert estimate.link_probability[3] < 1e-3
+        several += estimate.status == "multiple"
+    assert several > 3
 
 
 def test_a_link_of_weight_zero_is_one_that_cannot_be_touched() -> None:

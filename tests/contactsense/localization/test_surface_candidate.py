@@ -3,6 +3,8 @@
 On the last link of an arm with six joints it is: place, force and torsion have six unknowns.
 """
 
+import math
+
 import numpy as np
 import pytest
 from scipy.stats import chi2, norm
@@ -10,7 +12,9 @@ from scipy.stats import chi2, norm
 from contactsense import Contact, JointTorqueSensor, Localizer, Scene
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import build_model, empty_motion
+from contactsense.localization.surface_search import search_surface
 from contactsense.robots.vectors import tangents
+from tests.contactsense.localization.latest_search import latest_search
 from tests.plain_arm import Truth, contacts, plain_ur5e
 
 ARM = plain_ur5e()
@@ -78,3 +82,26 @@ def test_the_surface_leaves_a_place_as_open_as_stated_along_the_tangential_force
             scaled.append(along @ (point - best.point_base) / np.sqrt(along @ best.covariance @ along))
     assert len(scaled) > 100
     assert np.mean(np.abs(scaled) < norm.ppf(0.95)) == pytest.approx(0.9, abs=0.06)
+
+
+@pytest.mark.slow
+def test_a_surface_that_is_moved_by_nothing_is_as_one_that_is_not_moved(truth: Truth) -> None:
+    """A candidate often ends on another primitive than that of its mode, with another mean surface."""
+    localizer = Localizer(
+        Scene(robot="ur5e", detail="coarse", base_wrench=None, joint_torque=JointTorqueSensor(noise=0.1))
+    )
+    problem, arrays = latest_search(localizer)
+    candidates, deviations = arrays.candidates, problem.scene.deviations
+    deviations.rotation[:], deviations.translation[:] = np.eye(3), 0.0
+    compared = 0
+    for q, torque in zip(truth.q[:40], truth.torque[:40], strict=True):
+        localizer.locate(q, joint_torque=torque, detect=False)
+        found = []
+        for displacement in (0.0, 1e-9):
+            deviations.displacement[:] = displacement
+            count = search_surface(problem._replace(wrench_measured=False), arrays, -math.inf)
+            found.append((candidates.point[:count].copy(), candidates.covariance[:count].copy()))
+        for unmoved, moved in zip(*found, strict=True):
+            np.testing.assert_allclose(moved, unmoved, rtol=1e-6, atol=1e-9)
+        compared += len(found[0][0])
+    assert compared > 40
