@@ -76,13 +76,15 @@ def search_from_samples(
             not searched.
 
     Returns:
-        Number of rows in `order`, one for each mode, and at most as many as there are rows.
+        Number of rows in `order`, one for each mode, and fewer than there are rows.
     """
     scene, hypotheses, prior = problem.scene, problem.hypotheses, problem.prior
     surfaces, samples, searched = scene.surfaces, scene.samples, problem.searched
     cells, candidates, frames = arrays.cells, arrays.candidates, arrays.frames
     bound_energies(placed_surface(scene, arrays), searched, hypotheses, prior, candidates)
     count, waiting, best = 0, 0, competing_evidence
+    for row in range(candidates.order.shape[0]):
+        candidates.order[row] = row
     for p in range(surfaces.start[searched.shape[0]]):
         if not -candidates.bound[p] >= best - ENERGY_CUTOFF:
             continue
@@ -215,8 +217,8 @@ def _take_mode(
     count: int,
     best: float,
 ) -> tuple[int, float]:
-    """Store the mode in lane j, as far as it is accessible, unless its row has a better one.
-    Arguments and result as for `_search_block`."""
+    """Store the mode in lane j, as far as it is accessible, unless one of the same place is better. Arguments
+    and result as for `_search_block`."""
     surfaces, deviations, candidates = scene.surfaces, scene.deviations, arrays.candidates
     surface = placed_surface(scene, arrays)
     s = arrays.cells.chosen[j]
@@ -229,9 +231,11 @@ def _take_mode(
     frame = mean_frame(surface, p, cell)
     place = add(vector(frame.origin), rotate(frame.rotation, mode.contact.point))
     same = SAME_CELL_DISTANCE if deviations.displacement[p] > 0.0 else 0.0
-    row = _row_of_mode(candidates, count, p, place, same)
-    if row < count and candidates.score[row] >= score:
+    k = _index_of_mode(candidates, count, p, place, same)
+    if k < count and candidates.score[candidates.order[k]] >= score:
         return count, best
+    # The row of none so far: only there does it show how far the mode is accessible.
+    row = candidates.order[count]
     error = surface_error_in_cell(prior, deviations, cell)
     store_candidate(candidates, row, p, frame, mode, error)
     candidates.score[row] = score
@@ -240,28 +244,34 @@ def _take_mode(
         candidates.score[row] = -math.inf
     else:
         apply_accessibility(surface, candidates, row, frame, prior, best - ENERGY_CUTOFF)
-    candidates.order[row] = row
-    return max(count, row + 1), max(best, candidates.score[row])
+    if k == count and count + 1 < candidates.order.shape[0]:
+        return count + 1, max(best, candidates.score[row])
+    k = k if k < count else _worst(candidates, count)
+    if candidates.score[row] > candidates.score[candidates.order[k]]:
+        candidates.order[count], candidates.order[k] = candidates.order[k], row
+    return count, max(best, candidates.score[row])
 
 
 @fused_kernel
-def _row_of_mode(candidates: Candidates, count: int, p: int, place: Vector, same: float) -> int:
-    """Row for the mode at a place on primitive p, base frame [m].
-
-    It is that of a mode to which the place belongs, or is nearer than `same` [m]; else the next one, or that
-    of the worst mode if there is none.
-    """
-    for row in range(count):
+def _index_of_mode(candidates: Candidates, count: int, p: int, place: Vector, same: float) -> int:
+    """Index in `order` of a mode to which a place on primitive p belongs, base frame [m], or that is nearer
+    to it than `same` [m]; `count` if there is none."""
+    for k in range(count):
+        row = candidates.order[k]
         if candidates.primitive[row] == p:
             d, C = subtract(place, vector(candidates.point[row])), candidates.covariance[row]
             variance = dot(d, matvec((vector(C[0]), vector(C[1]), vector(C[2])), d))
             squared = dot(d, d)
             if squared <= same * same or squared * squared <= SAME_MODE_SIGMAS**2 * variance:
-                return row
-    if count < candidates.order.shape[0]:
-        return count
+                return k
+    return count
+
+
+@fused_kernel
+def _worst(candidates: Candidates, count: int) -> int:
+    """Index in `order` of the mode with the lowest score."""
     worst = 0
-    for row in range(count):
-        if candidates.score[row] < candidates.score[worst]:
-            worst = row
+    for k in range(count):
+        if candidates.score[candidates.order[k]] < candidates.score[candidates.order[worst]]:
+            worst = k
     return worst

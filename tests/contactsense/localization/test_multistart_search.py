@@ -51,6 +51,28 @@ def test_it_finds_the_mode_that_the_search_along_the_line_finds(robot: robots.Ro
     assert np.all(many_starts >= along_line - 0.05)
 
 
+@pytest.mark.slow
+def test_a_mode_does_not_take_the_place_of_a_more_accessible_one() -> None:
+    """Near a concave edge, what is found later in the same valley may be covered by the next primitive."""
+    localizer = Localizer(
+        Scene(
+            robot="ur5e",
+            detail="coarse",
+            base_wrench=WrenchSensor(force_noise=0.1, moment_noise=0.02),
+            joint_torque=JointTorqueSensor(noise=0.3),
+        )
+    )
+    truth = contacts(robots.load("ur5e"), 40, seed=1, friction=2.5, torsion=0.01)
+    found = 0
+    for q, wrench, torque in zip(truth.q, truth.base_wrench, truth.torque, strict=True):
+        localizer.locate(q, base_wrench=wrench, joint_torque=torque, detect=False)
+        along_line, many_starts = _best_scores(localizer)
+        if along_line > -math.inf:
+            assert many_starts > along_line - ENERGY_CUTOFF
+            found += 1
+    assert found > 30
+
+
 def _answered(truth: Truth, localizer: Localizer) -> int:
     """Number of contacts that some candidate explains."""
     return sum(
