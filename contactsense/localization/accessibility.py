@@ -8,8 +8,11 @@ concave edge, the next face is within it.
 import math
 from typing import NamedTuple
 
+from contactsense.kinematics.wrench_information import matvec
 from contactsense.localization.candidate_buffers import Candidates
 from contactsense.localization.mean_surface_distance import mean_surface_distance
+from contactsense.localization.mixture_reduction import write_moments
+from contactsense.localization.place_covariance import about_another_point
 from contactsense.localization.placed_surface import PlacedSurface
 from contactsense.localization.primitive_frames import Frame
 from contactsense.localization.simd_neighbourhood import (
@@ -21,7 +24,18 @@ from contactsense.localization.simd_neighbourhood import (
 )
 from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces, out_of_reach, project
-from contactsense.robots.vectors import Vector, add_scaled, dot, scale, tangents, vector
+from contactsense.robots.vectors import (
+    Vector,
+    add,
+    add_scaled,
+    dot,
+    rotate,
+    rotate_back,
+    scale,
+    subtract,
+    tangents,
+    vector,
+)
 from contactsense.solvers.posterior.contact_prior import Prior
 
 CURVATURE_MARGIN = 1.1
@@ -193,9 +207,10 @@ def apply_accessibility(
 ) -> None:
     """Condition a candidate on being accessible.
 
-    The candidate's score is lowered by the log of the accessible share of its neighbourhood; its point and
-    covariance become those of that share, the point unless the force would pull there. If the score cannot
-    exceed `min_score`, it becomes -infinity at once. `frame`: body frame of the candidate's primitive, see
+    The candidate's score is lowered by the log of the accessible share of its neighbourhood. Its point
+    becomes the mean of that share, unless the force would pull there; its covariance along the surface, the
+    second moments about the point. If the score cannot exceed `min_score`, it becomes -infinity at once.
+    `frame`: body frame of the candidate's primitive, see
     `contactsense.localization.candidate_buffers.store_candidate`.
     """
     distance, max_deviation, v11, v12, v22, near = candidate_clearance(surface, candidates, row, prior)
@@ -228,34 +243,23 @@ def apply_accessibility(
     candidates.score[row] += math.log(share)
     if share > FULLY_ACCESSIBLE:
         return
-    mx, my, mz = mx / share, my / share, mz / share
-    s = prior.surface_deviation * prior.surface_deviation
-    C[0, 0] = xx / share - mx * mx + s * n[0] * n[0]
-    C[0, 1] = xy / share - mx * my + s * n[0] * n[1]
-    C[0, 2] = xz / share - mx * mz + s * n[0] * n[2]
-    C[1, 1] = yy / share - my * my + s * n[1] * n[1]
-    C[1, 2] = yz / share - my * mz + s * n[1] * n[2]
-    C[2, 2] = zz / share - mz * mz + s * n[2] * n[2]
-    C[1, 0], C[2, 0], C[2, 1] = C[0, 1], C[0, 2], C[1, 2]
-    dx, dy, dz = c[0] + mx - o[0], c[1] + my - o[1], c[2] + mz - o[2]
-    _, lx, ly, lz, kx, ky, kz = project(
-        surfaces.kind[p],
-        surfaces.size[p],
-        R[0, 0] * dx + R[1, 0] * dy + R[2, 0] * dz,
-        R[0, 1] * dx + R[1, 1] * dy + R[2, 1] * dz,
-        R[0, 2] * dx + R[1, 2] * dy + R[2, 2] * dz,
-    )
-    normal = (
-        R[0, 0] * kx + R[0, 1] * ky + R[0, 2] * kz,
-        R[1, 0] * kx + R[1, 1] * ky + R[1, 2] * kz,
-        R[2, 0] * kx + R[2, 1] * ky + R[2, 2] * kz,
-    )
-    if dot(vector(candidates.force[row]), normal) >= 0.0:
-        # Around an edge, where the force would pull.
-        return
+    start, across, force = vector(c), vector(n), vector(candidates.force[row])
+    mean = (mx / share, my / share, mz / share)
+    body = rotate_back(R, subtract(add(start, mean), vector(o)))
+    _, px, py, pz, nx, ny, nz = project(kind, size, body[0], body[1], body[2])
+    point, normal = add(vector(o), rotate(R, (px, py, pz))), rotate(R, (nx, ny, nz))
+    # Around an edge, the force may pull.
+    if dot(force, normal) >= 0.0:
+        point, normal = start, across
+    second = (xx / share, xy / share, xz / share, yy / share, yz / share, zz / share)
+    xx, xy, xz, yy, yz, zz = about_another_point(second, mean, subtract(point, start))
+    # How far the surface may be from the primitive there does not depend on what covers it.
+    s = dot(across, matvec((vector(C[0]), vector(C[1]), vector(C[2])), across))
+    x, y, z = across
+    moments = (xx + s * x * x, xy + s * x * y, xz + s * x * z, yy + s * y * y, yz + s * y * z, zz + s * z * z)
+    write_moments(moments, C)
     for i in range(3):
-        c[i] = o[i] + R[i, 0] * lx + R[i, 1] * ly + R[i, 2] * lz
-        n[i] = normal[i]
+        c[i], n[i] = point[i], normal[i]
 
 
 @fused_kernel

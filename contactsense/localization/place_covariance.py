@@ -1,4 +1,5 @@
-"""Covariance of a place on a surface: along two tangents, or as a matrix in the axes of a frame."""
+"""Covariance of a place on a surface: along two tangents, or as a matrix in the axes of a frame; and second
+moments of places about a point."""
 
 from contactsense.kinematics.spatial import Six
 from contactsense.kinematics.wrench_information import symmetric_matvec
@@ -32,3 +33,23 @@ def along_tangents(C: Six, tangents: Tangents) -> Variances:
     s, t = tangents
     a, b = symmetric_matvec(C, s), symmetric_matvec(C, t)
     return dot(s, a), dot(t, a), dot(t, b)
+
+
+@fused_kernel
+def about_another_point(moments: Six, mean: Vector, offset: Vector) -> Six:
+    """Second moments of places (xx, xy, xz, yy, yz, zz) about another point.
+
+    Args:
+        moments: Those about the first point [m^2].
+        mean: Mean of the places, from the first point [m].
+        offset: The other point, from the first [m].
+    """
+    (mx, my, mz), (x, y, z) = mean, offset
+    return (
+        moments[0] - 2.0 * mx * x + x * x,
+        moments[1] - mx * y - my * x + x * y,
+        moments[2] - mx * z - mz * x + x * z,
+        moments[3] - 2.0 * my * y + y * y,
+        moments[4] - my * z - mz * y + y * z,
+        moments[5] - 2.0 * mz * z + z * z,
+    )

@@ -25,7 +25,7 @@ from contactsense.localization.local_prior import (
 )
 from contactsense.localization.mean_shift import mean_shift
 from contactsense.localization.mean_surface import mean_frame
-from contactsense.localization.place_covariance import from_tangents
+from contactsense.localization.place_covariance import about_another_point, from_tangents
 from contactsense.localization.placed_surface import PlacedSurface
 from contactsense.localization.primitive_frames import Frame
 from contactsense.localization.searched_surface import SearchArrays, placed_surface
@@ -121,16 +121,7 @@ def build_candidate(
             place = vector(cells.point[nearest_row])
             point = _project_onto_link(surface, candidates, row, link, pose, place)
         _fit_force(hypotheses, link, pose, local, point, cells, candidates, row)
-    dx, dy, dz = subtract(point, centre)
-    # Second moments about the new point.
-    C = (
-        C[0] - 2.0 * mean[0] * dx + dx * dx,
-        C[1] - mean[0] * dy - mean[1] * dx + dx * dy,
-        C[2] - mean[0] * dz - mean[2] * dx + dx * dz,
-        C[3] - 2.0 * mean[1] * dy + dy * dy,
-        C[4] - mean[1] * dz - mean[2] * dy + dy * dz,
-        C[5] - 2.0 * mean[2] * dz + dz * dz,
-    )
+    C = about_another_point(C, mean, subtract(point, centre))
     if converged:
         # The evidence of cells is that of contacts on the primitive itself.
         C = (

@@ -16,6 +16,7 @@ from contactsense.localization.candidate_buffers import store_candidate
 from contactsense.localization.local_prior import SurfaceError
 from contactsense.localization.placed_surface import PlacedSurface
 from contactsense.localization.primitive_frames import Frame
+from contactsense.localization.simd_neighbourhood import accessible_moments
 from contactsense.robots.surface.convex_primitives import project
 from contactsense.robots.vectors import tangents
 from contactsense.runtime.state import State
@@ -61,6 +62,28 @@ def _monte_carlo(
     return total / TRIALS, mean / total
 
 
+def _candidate_at_sample(
+    constants: Constants, state: State, sample: int, V: np.ndarray, error: SurfaceError
+) -> tuple[int, Frame]:
+    """Store a candidate at a sample of the surface in row 0; its primitive, and the frame of that.
+
+    `V`: covariance of its place along the tangents [m^2].
+    """
+    p = int(np.searchsorted(constants.samples.start, sample, side="right")) - 1
+    R, o = state.frames.rotation[p], state.frames.origin[p]
+    body = constants.sensors.depth[constants.surfaces.link[p]]
+    base = state.motion.origin[body] + state.motion.rotation[body] @ constants.samples.point[sample]
+    _, *projected = project(constants.surfaces.kind[p], constants.surfaces.size[p], *(R.T @ (base - o)))
+    force = tuple(-10.0 * component for component in projected[3:])
+    contact = Contact(tuple(projected[:3]), tuple(projected[3:]), force, 0.0)
+    t1, t2 = (tuple(R.T @ t) for t in np.array(tangents(tuple(R @ np.array(projected[3:])))))
+    mode = Mode(0.0, 0.0, contact, (V[0, 0], V[0, 1], V[1, 1]), (t1, t2))
+    frame = Frame(R, o)
+    store_candidate(state.candidates, 0, p, frame, mode, error)
+    state.candidates.score[0] = 0.0
+    return p, frame
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("sample", range(0, 480, 24))
 @pytest.mark.parametrize("root", [np.diag([0.002, 0.002]), np.array([[0.012, 0.0], [0.008, 0.003]])])
@@ -68,34 +91,54 @@ def test_share_and_mean_agree_with_monte_carlo(
     arm: tuple[Constants, State], sample: int, root: np.ndarray
 ) -> None:
     constants, state = arm
-    p = int(np.searchsorted(constants.samples.start, sample, side="right")) - 1
-    R, o = state.frames.rotation[p], state.frames.origin[p]
-    body = constants.sensors.depth[constants.surfaces.link[p]]
-    base = state.motion.origin[body] + state.motion.rotation[body] @ constants.samples.point[sample]
-    _, *projected = project(constants.surfaces.kind[p], constants.surfaces.size[p], *(R.T @ (base - o)))
-    normal = R @ np.array(projected[3:])
-    V = root @ root.T
-    force = tuple(-10.0 * component for component in projected[3:])
-    contact = Contact(tuple(projected[:3]), tuple(projected[3:]), force, 0.0)
-    t1, t2 = (tuple(R.T @ t) for t in np.array(tangents(tuple(normal))))
+    candidates, V = state.candidates, root @ root.T
     error = SurfaceError(constants.prior.surface_deviation, 0.1, 1.0)
-    mode = Mode(0.0, 0.0, contact, (V[0, 0], V[0, 1], V[1, 1]), (t1, t2))
-    surface, frame = _surface(constants, state), Frame(R, o)
-    store_candidate(state.candidates, 0, p, frame, mode, error)
-    state.candidates.score[0] = 0.0
-    start = state.candidates.point[0].copy()
+    p, frame = _candidate_at_sample(constants, state, sample, V, error)
+    start, normal = candidates.point[0].copy(), candidates.normal[0].copy()
     share, mean = _monte_carlo(constants, state, p, start, normal, root)
-    apply_accessibility(surface, state.candidates, 0, frame, constants.prior, -math.inf)
-    full_score = state.candidates.score[0]
+    surface = _surface(constants, state)
+    apply_accessibility(surface, candidates, 0, frame, constants.prior, -math.inf)
+    full_score = candidates.score[0]
     # The quadrature has eighteen points.
-    assert math.exp(state.candidates.score[0]) == pytest.approx(share, abs=0.12)
+    assert math.exp(full_score) == pytest.approx(share, abs=0.12)
     if share > 0.2:
-        assert np.linalg.norm(state.candidates.point[0] - start - mean) < 0.4 * math.sqrt(np.trace(V))
-    store_candidate(state.candidates, 0, p, frame, mode, error)
-    state.candidates.score[0] = 0.0
-    apply_accessibility(surface, state.candidates, 0, frame, constants.prior, -8.0)
+        assert np.linalg.norm(candidates.point[0] - start - mean) < 0.4 * math.sqrt(np.trace(V))
+    _candidate_at_sample(constants, state, sample, V, error)
+    apply_accessibility(surface, candidates, 0, frame, constants.prior, -8.0)
     # Only candidates below the limit are rejected early.
-    assert state.candidates.score[0] == full_score or full_score < -8.0
+    assert candidates.score[0] == full_score or full_score < -8.0
+
+
+@pytest.mark.parametrize("pulls", [False, True])
+def test_the_covariance_is_that_of_the_accessible_places_about_the_point(
+    arm: tuple[Constants, State], pulls: bool
+) -> None:
+    """And along the normal that of the surface there, as where nothing covers it."""
+    constants, state = arm
+    candidates, offset, changed = state.candidates, 0.003, 0
+    V = np.array([[1.44e-4, 9.6e-5], [9.6e-5, 7.3e-5]])
+    for sample in range(0, 480, 5):
+        _, frame = _candidate_at_sample(constants, state, sample, V, SurfaceError(offset, 0.1, 1.0))
+        start, normal = candidates.point[0].copy(), candidates.normal[0].copy()
+        before = candidates.covariance[0].copy()
+        if pulls:
+            # It pulls wherever the normal is another one.
+            candidates.force[0] = 0.0
+        apply_accessibility(_surface(constants, state), candidates, 0, frame, constants.prior, -math.inf)
+        if np.array_equal(candidates.covariance[0], before):
+            continue
+        changed += 1
+        share, mean, second = accessible_moments(
+            tuple(start), constants.prior.surface_deviation / PENETRATION_SCALE, candidates.points
+        )
+        M = np.zeros((3, 3))
+        M[np.triu_indices(3)] = second
+        M = (M + np.triu(M, 1).T) / share
+        d, m = candidates.point[0] - start, np.array(mean) / share
+        assert np.array_equal(d, np.zeros(3)) == pulls
+        expected = M - np.outer(m, d) - np.outer(d, m) + np.outer(d, d) + offset**2 * np.outer(normal, normal)
+        np.testing.assert_allclose(candidates.covariance[0], expected, rtol=1e-9, atol=1e-12)
+    assert changed > 10
 
 
 def test_the_share_falls_as_the_tail_of_students_t() -> None:
