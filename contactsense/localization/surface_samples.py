@@ -280,7 +280,8 @@ def _representatives(patches: Patches, owner: np.ndarray, counts: np.ndarray) ->
     _nearest_members(squared_distance, owner, best)
     displacement = patches.point - patches.point[best][owner]
     along_normal = (displacement * patches.normal[best][owner]).sum(axis=1)
-    tangential = (displacement**2).sum(axis=1) - along_normal**2
+    # Rounding could make it negative.
+    tangential = np.maximum((displacement**2).sum(axis=1) - along_normal**2, 0.0)
     spread = np.sqrt(np.bincount(owner, patches.area * tangential) / area / 2.0)
     spread = np.maximum(spread, np.sqrt(area / 12.0) / 2.0)
     return Patches(patches.point[best], patches.normal[best], patches.primitive[best], spread, area)

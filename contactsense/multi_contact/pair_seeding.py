@@ -101,7 +101,8 @@ def _add_pair_evidence(
     total, pushing = 0.0, 0.0
     for i in range(PAIRS):
         exponent = max(pairs[PAIR_GAIN + i] - reference, LOWEST_EXPONENT)
-        likelihood = exponential(exponent) / math.sqrt(pairs[PAIR_DET + i])
+        # Rounding may take a determinant below one if sensors are nearly exact.
+        likelihood = exponential(exponent) / math.sqrt(max(pairs[PAIR_DET + i], 1.0))
         likelihood = likelihood if pairs[PAIR_GAIN + i] > -math.inf else 0.0
         pushes = pairs[PAIR_FORCE + i] > lowest_force
         total += likelihood

@@ -21,6 +21,7 @@ from contactsense.multi_contact.pair_wrench import fill_pair_wrench
 from contactsense.multi_contact.pooled_evidence import lowest_reported
 from contactsense.multi_contact.sample_likelihood import SampleModel
 from contactsense.robots.jit.kernel import fused_kernel
+from contactsense.robots.vectors import dot, vector
 
 
 @fused_kernel
@@ -53,17 +54,24 @@ def store_summed_pairs(
         one, other = find_likeliest_pair(seed_samples, own, link, seeding)
         if one < 0:
             continue
-        fill_place_likelihood(seed_samples, own, link, (one, other), seeding)
         t, samples = stored, (sample_at(seed_samples, one), sample_at(seed_samples, other))
         explanations.contacts[t], explanations.score[t] = 2, highest
         explanations.log_evidence[t] = -math.inf
         fill_pair_wrench(model, samples, seeding, explanations, t)
+        all_push = True
         for i in range(2):
             explanations.primitive[t, i] = seed_samples.primitive[samples[i]]
             explanations.torsion[t, i] = 0.0
             for k in range(3):
                 explanations.point[t, i, k] = seeding.point_normal[samples[i], k]
                 explanations.normal[t, i, k] = seeding.point_normal[samples[i], 3 + k]
+            push = -dot(vector(explanations.force[t, i]), vector(explanations.normal[t, i]))
+            all_push = all_push and push > 0.0
+        # Rounding may turn a force if sensors are nearly exact.
+        if not all_push:
+            continue
+        fill_place_likelihood(seed_samples, own, link, (one, other), seeding)
+        for i in range(2):
             fill_place_covariance(
                 seed_samples,
                 own if i == 0 else link,

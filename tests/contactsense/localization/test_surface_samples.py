@@ -86,6 +86,13 @@ def test_subsamples_cover_their_cells() -> None:
             assert normal[0] @ subsamples.normal[subsample] > 0.9
 
 
+def test_a_cell_of_few_patches_has_a_spread() -> None:
+    """The subcells of a single small body hold a patch or two, which may lie exactly above one another."""
+    forearm = Capsule(a=(-0.05, 0, 0), b=(-0.34, 0, 0), radius=0.04)
+    for cells in sample_surface(pack([_link(forearm)]))[:2]:
+        assert (cells.spread > 0.0).all()
+
+
 def test_a_link_without_surface_has_no_samples() -> None:
     samples, subsamples, _ = sample_surface(pack([_link()]))
     assert len(samples.spread) == len(subsamples.spread) == 0
