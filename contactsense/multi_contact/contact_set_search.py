@@ -123,7 +123,7 @@ def search_contact_sets(
             stored = _pool(surface, prior, model, sets, buffers)
             unlisted = log_of_sum(buffers.seeding.pair_evidence, explanations.score, 0)
         elif starts.is_broad:
-            share_evidence(explanations, first, stored)
+            share_evidence(surfaces.link, explanations, first, stored, 2.0 * prior.surface_deviation)
         best = min(best, lowest_energy)
     # In a stream the forces of known contacts hardly change between samples: a longer search where they are
     # free gains nothing.

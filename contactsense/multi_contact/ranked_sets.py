@@ -19,20 +19,32 @@ Optima on neighbouring primitives are often a millimetre apart where places are 
 
 
 @fused_kernel
-def share_evidence(explanations: Explanations, first: int, last: int) -> None:
+def share_evidence(
+    link: np.ndarray, explanations: Explanations, first: int, last: int, min_separation: float
+) -> None:
     """Share the evidence of the explanations `first` to `last` - 1 in proportion to their probabilities.
 
-    These are integrals over the surface; the evidence of each optimum is that of a normal distribution.
+    These are integrals over parts of the surface; the evidence of each optimum is that of a normal
+    distribution. Where several optimizations have ended at one optimum, it has the probabilities of all, and
+    its evidence counts once. Other arguments as for `rank_sets`.
     """
-    best, probability = -math.inf, 0.0
+    score, probability = explanations.score, explanations.probability
+    kept = order_distinct(link, explanations, first, last, min_separation, math.inf)
+    if kept == 0:
+        return
+    best, total, whole = score[explanations.order[0]], 0.0, 0.0
+    for a in range(kept):
+        total += math.exp(score[explanations.order[a]] - best)
     for t in range(first, last):
-        best = max(best, explanations.score[t])
-        probability += explanations.probability[t]
-    total = 0.0
+        whole += probability[t]
+        a = _duplicate_of(link, explanations, t, kept, min_separation)
+        if a >= 0 and explanations.order[a] != t:
+            probability[explanations.order[a]] += probability[t]
     for t in range(first, last):
-        total += math.exp(explanations.score[t] - best)
-    for t in range(first, last):
-        explanations.score[t] = best + math.log(total * explanations.probability[t] / probability)
+        score[t] = -math.inf
+    for a in range(kept):
+        t = explanations.order[a]
+        score[t] = best + math.log(total * probability[t] / whole)
 
 
 @fused_kernel
@@ -102,24 +114,25 @@ def order_distinct(
             best = explanations.score[t]
         if not explanations.score[t] >= best - cutoff:
             break
-        if not _is_duplicate_set(link, explanations, t, kept, min_separation):
+        if _duplicate_of(link, explanations, t, kept, min_separation) < 0:
             order[kept] = t
             kept += 1
     return kept
 
 
 @fused_kernel
-def _is_duplicate_set(
+def _duplicate_of(
     link: np.ndarray, explanations: Explanations, t: int, count_kept: int, min_separation: float
-) -> bool:
-    """Whether one of the first `count_kept` explanations has the same contacts, in any order."""
+) -> int:
+    """Index of the first of `count_kept` explanations in `order` that has the same contacts as t, in any
+    order; -1 if none has."""
     for i in range(count_kept):
         u = explanations.order[i]
         if explanations.contacts[u] == explanations.contacts[t] and _match_one_to_one(
             link, explanations, u, t, min_separation
         ):
-            return True
-    return False
+            return i
+    return -1
 
 
 @fused_kernel

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from contactsense.multi_contact.buffers import Explanations
-from contactsense.multi_contact.ranked_sets import order_distinct
+from contactsense.multi_contact.ranked_sets import order_distinct, share_evidence
 from contactsense.robots.jit.flat_buffers import zeros
 
 pytestmark = pytest.mark.slow  # its kernels compile for long
@@ -53,3 +53,16 @@ def test_a_place_near_two_takes_the_one_that_the_other_does_not_need() -> None:
 def test_the_same_places_on_other_links_are_no_duplicate() -> None:
     assert kept((A, B), (A, B), link=((0, 1), (0, 0))) == [0, 1]
     assert kept((A, B), (A, B), link=((0, 1), (0, 1))) == [0]
+
+
+def test_an_optimum_has_the_probability_of_all_starts_that_have_ended_there() -> None:
+    """Its evidence counts once, and the sum over the optima remains."""
+    explanations = zeros(Explanations)
+    explanations.contacts[:4] = 1
+    explanations.point[:4, 0, 0] = A, A + 0.5 * NEAR, B, A - 0.5 * NEAR
+    explanations.probability[:4] = 0.2, 0.1, 0.4, 0.3
+    explanations.score[:4] = -1.0, -1.1, -3.0, -1.2
+    share_evidence(LINK, explanations, 0, 4, NEAR)
+    total = np.logaddexp(-1.0, -3.0)
+    expected = [total + np.log(0.6), -np.inf, total + np.log(0.4), -np.inf]
+    np.testing.assert_allclose(explanations.score[:4], expected)
