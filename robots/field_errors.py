@@ -37,7 +37,7 @@ _WORDS = {
     "less_than_equal": "expected a number of at most {le:.10g}",
     "too_short": "expected a length of at least {min_length}, got {actual_length}",
     "too_long": "expected a length of at most {max_length}, got {actual_length}",
-    "string_too_short": "expected at least {min_length} characters",
+    "string_too_short": "expected text that is not empty",
     "string_too_long": "expected at most {max_length} characters",
     "string_pattern_mismatch": "expected text that matches {pattern}",
 }

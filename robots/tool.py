@@ -1,5 +1,7 @@
 """A tool or payload at the flange: its inertia and its surface, in the tool flange's frame."""
 
+from typing import Annotated
+
 import numpy as np
 from pydantic import ConfigDict, Field, NonNegativeFloat, field_validator
 
@@ -19,7 +21,7 @@ class Tool(FileModel):
 
     model_config = ConfigDict(use_attribute_docstrings=True)
 
-    name: str = "tool"
+    name: Annotated[str, Field(min_length=1)] = "tool"
     """Name of the link in estimates."""
     mass: NonNegativeFloat = 0.0
     """Mass [kg]."""

@@ -196,7 +196,7 @@ class JointTorqueSensor(Part):
     """The RTDE signal that is read."""
     meaning: Meaning | None = None
     """What the signal contains in addition to the contact; by default, as implied by its name."""
-    fields: tuple[str, ...] | None = None
+    fields: tuple[Annotated[str, Field(min_length=1)], ...] | None = None
     """RTDE fields, or a recording's columns, that contain the torques, one per joint, such as output
     registers; needed for `external_torque`."""
     sign: Literal["by_actuator", "on_arm"] = "by_actuator"

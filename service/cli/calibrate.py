@@ -171,7 +171,9 @@ def scene_text(path: Path, scene: Scene, target: Path) -> str:
             content[part] = None
         elif part in fresh:
             content[part] = fresh[part]
-    return yaml.dump(content, Dumper=_SceneDumper, sort_keys=False, default_flow_style=None, width=110)
+    return yaml.dump(
+        content, Dumper=_SceneDumper, sort_keys=False, default_flow_style=None, width=110, allow_unicode=True
+    )
 
 
 class _SceneDumper(yaml.SafeDumper):

@@ -1,6 +1,7 @@
 """`contactsense scene new FILE`: writes a commented scene file from options, or from answers on a
 terminal."""
 
+import shlex
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -12,13 +13,15 @@ from contactsense import robots
 from contactsense.robots.file_references import moved
 from contactsense.robots.whole_file import write_text
 from contactsense.scene import LinkPrior, Scene, SceneError
-from contactsense.sensors.settings import JointTorqueSignal
+from contactsense.sensors.settings import CURRENTS, JointTorqueSignal
 from contactsense.service.cli.number_list import Numbers
 from contactsense.service.cli.wrench_sensor_options import WrenchSensorOptions
 from contactsense.service.scene.commented_yaml import commented_yaml
 from contactsense.service.scene.summary import scene_warnings
 
 _SIGNALS = (*get_args(JointTorqueSignal), "none")
+_TORQUE = ("torque_fields", "torque_constants", "torque_noise")
+"""Options that describe the signal of the joint torques."""
 _MOUNTINGS = ("table", "ceiling", "wall")
 _BASE = WrenchSensorOptions(
     name="base",
@@ -94,7 +97,7 @@ def new(path: Path, force: bool, **given: Any) -> None:
         write_text(path, commented_yaml(moved(content, Path(), path.parent)))
     except OSError as error:
         raise click.ClickException(f"{path}: cannot write: {error.strerror}") from None
-    click.echo(f"{path}: written; `contactsense scene show {path}` says what it means")
+    click.echo(f"{path}: written; `contactsense scene show {shlex.quote(str(path))}` says what it means")
     for warning in scene_warnings(scene):
         click.echo(f"warning: {warning}")
 
@@ -112,19 +115,26 @@ def scene_content(given: dict[str, Any]) -> dict[str, Any]:
     elif tool.keys() - {"mass"}:
         raise click.UsageError("--tool-mass: expected the mass of the tool, got none")
     content["base_wrench"] = _BASE.content(given)
-    if given["torque_signal"] == "none":
+    signal = given["torque_signal"] or _SIGNALS[0]
+    if signal == "none":
+        if _present(given, {name: name for name in _TORQUE}):
+            raise click.UsageError("--torque-signal none: expected no other option of the torques, got some")
         content["joint_torque"] = None
     else:
+        if given["torque_constants"] is not None and signal not in CURRENTS:
+            raise click.UsageError(
+                f"--torque-constants: expected --torque-signal {' or '.join(CURRENTS)}, got {signal}"
+            )
         torque = _present(given, {"torque_constants": "torque_constants", "noise": "torque_noise"})
         if len(torque.get("noise", ())) == 1:
             torque["noise"] = torque["noise"][0]
-        if given["torque_fields"]:
+        if given["torque_fields"] is not None:
             torque["fields"] = _names(given["torque_fields"])
-        content["joint_torque"] = {"signal": given["torque_signal"] or _SIGNALS[0], **torque}
+        content["joint_torque"] = {"signal": signal, **torque}
     wrist = _WRIST.content(given)
     if wrist is not None:
         content["wrist_wrench"] = wrist
-    if given["touchable"]:
+    if given["touchable"] is not None:
         content["touchable"] = _names(given["touchable"])
     if given["link_prior"]:
         content["link_prior"] = given["link_prior"]

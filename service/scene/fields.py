@@ -60,7 +60,9 @@ def describe_fields(model: type[BaseModel]) -> tuple[FieldDescription, ...]:
 
 def yaml_flow(value: Any) -> str:
     """A value as YAML in one line."""
-    return str(yaml.safe_dump([value], default_flow_style=True, width=1_000_000, sort_keys=False))[1:-2]
+    return str(
+        yaml.safe_dump([value], default_flow_style=True, width=1_000_000, sort_keys=False, allow_unicode=True)
+    )[1:-2]
 
 
 def _describe(name: str, info: FieldInfo) -> FieldDescription:

@@ -16,6 +16,7 @@ CELL = """
 robot: ur5e
 mounting: wall
 tool:
+  name: Greifer Ü
   mass: 1.0
   primitives:
     - {kind: sphere, center: [0, 0, 0], radius: 0.1}
@@ -48,6 +49,7 @@ def test_a_calibrated_scene_keeps_the_surface_of_its_tool(file: Path) -> None:
     scene = Scene.load(file)
     file.write_text(scene_text(file, scene, file), encoding="utf-8")
     assert Scene.load(file).model_dump() == scene.model_dump()
+    assert "  name: Greifer Ü\n" in file.read_text(encoding="utf-8")
     assert f"  deviation: |\n    {LINES[0]}\n    {LINES[1]}\n" in file.read_text(encoding="utf-8")
 
 

@@ -7,6 +7,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from contactsense import Scene, WrenchSensor
+from contactsense.sensors.settings import JointTorqueSensor
 from contactsense.service.cli import scene_new, serve
 from contactsense.service.cli.main import cli
 from tests.service.seven_joints import seven_joints
@@ -36,6 +37,40 @@ def test_options_become_fields(tmp_path: Path) -> None:
     assert scene.joint_torque.noise == 2.0
     assert scene.touchable == ("forearm", "wrist_3")
     assert scene.link_prior == "equal"
+
+
+def test_a_tool_and_a_base_sensor_are_described(tmp_path: Path) -> None:
+    path = tmp_path / "Zelle Süd" / "a.yaml"
+    path.parent.mkdir()
+    tool = ["--tool-name", "Greifer Ü 1", "--tool-mass", "0.5"]
+    result = _run("new", path, "--robot", "ur5e", *tool, "--base-translation", "0,0,-0.05")
+    assert result.exit_code == 0, result.output
+    assert f"contactsense scene show '{path}'" in result.output  # to be copied into a shell
+    assert "  name: Greifer Ü 1\n" in path.read_text(encoding="utf-8")
+    scene = Scene.load(path)
+    assert scene.tool is not None
+    assert scene.tool.name == "Greifer Ü 1"
+    assert scene.base_wrench == WrenchSensor(translation=(0.0, 0.0, -0.05))
+    for option, sensor in (("--base-sensor", WrenchSensor()), ("--no-base-sensor", None)):
+        assert _run("new", path, "--force", "--robot", "ur5e", option).exit_code == 0
+        assert Scene.load(path).base_wrench == sensor
+
+
+def test_joint_torques_are_described(tmp_path: Path) -> None:
+    path = tmp_path / "a.yaml"
+    robot = ["new", path, "--force", "--robot", "ur5e"]
+    fields = ",".join(f" output_double_register_{i}" for i in range(24, 30))
+    assert _run(*robot, "--torque-signal", "external_torque", "--torque-fields", fields).exit_code == 0
+    assert Scene.load(path).joint_torque == JointTorqueSensor(
+        signal="external_torque", fields=tuple(f"output_double_register_{i}" for i in range(24, 30))
+    )
+    currents = ["--torque-signal", "actual_current_minus_target"]
+    assert _run(*robot, *currents, "--torque-constants", "11,11,11,8,8,8").exit_code == 0
+    assert Scene.load(path).joint_torque == JointTorqueSensor(
+        signal="actual_current_minus_target", torque_constants=(11.0, 11.0, 11.0, 8.0, 8.0, 8.0)
+    )
+    assert _run(*robot, "--torque-signal", "none").exit_code == 0
+    assert Scene.load(path).joint_torque is None
 
 
 def test_a_wrist_sensor_is_described_as_one_under_the_base(tmp_path: Path) -> None:
@@ -106,6 +141,16 @@ def test_a_terminal_is_asked_for_what_is_missing(tmp_path: Path, monkeypatch: py
         ),
         (["--robot", "ur5e", "--no-base-sensor", "--torque-signal", "none"], 1, "expected at least one"),
         (["--robot", "ur5e", "--torque-signal", "external_torque"], 1, "joint_torque.fields: expected the 6"),
+        (["--robot", "ur5e", "--torque-fields", "a,,c,d,e,f"], 1, "fields[1]: expected text that is not emp"),
+        (
+            ["--robot", "ur5e", "--torque-signal", "none", "--torque-noise", "2"],
+            2,
+            "expected no other option",
+        ),
+        (["--robot", "ur5e", "--torque-constants", "1,1,1,1,1,1"], 2, "expected --torque-signal actual_curr"),
+        (["--robot", "ur5e", "--tool-mass", "1", "--tool-name", ""], 1, "tool.name: expected text that is n"),
+        (["--robot", "ur5e", "--base-translation", "0,0,-50"], 1, "if these are mm: [0, 0, -0.05]"),
+        (["--robot", "ur5e", "--touchable", ""], 1, "touchable: expected links of base"),
     ],
 )
 def test_what_cannot_be_is_one_line_and_nothing_is_written(
