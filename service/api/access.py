@@ -11,7 +11,7 @@ import hmac
 import ipaddress
 import json
 from dataclasses import dataclass
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import SplitResult, parse_qs, urlsplit
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -22,6 +22,8 @@ TOKEN_PREFIX = "bearer."
 OPEN_PATHS = ("/v1/ready", "/docs", "/openapi.json")
 """Beginnings of paths that need no token: whether the service is ready, and the description of the
 interface. The root only leads there."""
+_PORTS = {"http": 80, "https": 443}
+"""Scheme of a web page -> its usual port."""
 _LINGER = 2.0
 """Longest time for which the body of a refused request is read and discarded [s]."""
 
@@ -40,15 +42,20 @@ class AccessRules:
 
 
 def host_names(names: tuple[str, ...]) -> tuple[str, ...]:
-    """Host names as they are compared.
+    """Host names as requests have them.
 
     Raises:
         ValueError: One is no name alone, and would never be equal to that of a request.
     """
-    for name in names:
-        if set(name) & set("/:@ "):
-            raise ValueError(f"expected host names alone, such as panel.example, got {name!r:.80}")
-    return tuple(name for name in names if name)  # an empty variable means none
+    found = []
+    for name in filter(None, names):  # an empty variable means none
+        try:
+            if set(name) & set("/:@ *,"):
+                raise ValueError
+            found.append(_in_ascii(name))
+        except ValueError:
+            raise ValueError(f"expected host names alone, such as panel.example, got {name!r:.80}") from None
+    return tuple(found)
 
 
 def page_origins(origins: tuple[str, ...]) -> tuple[str, ...]:
@@ -59,11 +66,34 @@ def page_origins(origins: tuple[str, ...]) -> tuple[str, ...]:
     """
     found = []
     for origin in filter(None, origins):
-        parts = urlsplit(origin)
-        if parts.scheme not in ("http", "https") or not parts.netloc or parts.path.strip("/") or parts.query:
-            raise ValueError(f"expected origins such as https://panel.example, got {origin!r:.80}")
-        found.append(f"{parts.scheme}://{parts.netloc.lower()}")
+        try:
+            found.append(_as_sent(urlsplit(origin)))
+        except ValueError:
+            raise ValueError(f"expected origins such as https://panel.example, got {origin!r:.80}") from None
     return tuple(found)
+
+
+def _as_sent(origin: SplitResult) -> str:
+    """An origin as browsers send it: without the usual port of its scheme.
+
+    Raises:
+        ValueError: It is none.
+    """
+    usual, name = _PORTS.get(origin.scheme), origin.hostname
+    more = origin.path.strip("/"), origin.query, origin.fragment, origin.username, origin.password
+    if usual is None or not name or set(name) & set(" *,") or any(more):
+        raise ValueError
+    name = f"[{name}]" if ":" in name else _in_ascii(name)
+    return f"{origin.scheme}://{name}" + ("" if origin.port in (None, usual) else f":{origin.port}")
+
+
+def _in_ascii(name: str) -> str:
+    """A host name as requests have it: in small letters, and those beyond ASCII in Punycode.
+
+    Raises:
+        ValueError: No host has such a name.
+    """
+    return name.lower().encode("idna").decode("ascii")
 
 
 class Access:

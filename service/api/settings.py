@@ -72,7 +72,7 @@ Fields = Annotated[tuple[str, ...], BeforeValidator(_six_names), Field(min_lengt
 class LinkWrenchSettings(BaseModel):
     """Where the readings of a force/torque sensor within the arm come from."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     host: str | None = None
     """Address of a Net F/T sensor."""
@@ -95,7 +95,7 @@ class LinkWrenchSettings(BaseModel):
 class Settings(BaseModel):
     """Settings of the service. Without `robot_host` it reads no sensors and only answers POST /v1/locate."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     scene: Path | None = None
     """Scene file; None: `robot` on a table, with default sensors."""

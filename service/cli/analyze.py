@@ -101,6 +101,8 @@ def analyze(
             raise click.UsageError(
                 "--limits, --estimates, --mcap, --columns: not for a dataset; analyze its files one by one"
             )
+        if workers is not None and scheduler is not None:
+            raise click.UsageError("--workers and --scheduler: expected one of them, got both")
         from contactsense.service.cli.analyze_fleet import analyze_dataset
 
         analyze_dataset(files, scene_path, out, workers or 1, scheduler, as_json)

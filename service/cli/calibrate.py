@@ -21,6 +21,7 @@ from contactsense.robots.whole_file import write_text
 from contactsense.scene import Scene, SceneError
 from contactsense.service.cli.calibration_doubts import doubts
 from contactsense.service.cli.calibration_page import Section, channels, page, reasons_against
+from contactsense.service.cli.output_file import check_writable
 from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError
 from contactsense.service.recordings.free_motion import read_free_motion
 from contactsense.service.recordings.problem_lines import problem_lines
@@ -40,7 +41,9 @@ _PARTS = ("joint_torque", "base_wrench", "wrist_wrench", "link_wrenches", "mount
     help="Change the scene file itself; the former one, with its comments, is kept as FILE.bak.",
 )
 @click.option(
-    "--links", is_flag=True, help="Estimate the links' inertia, too; torque constants are then kept."
+    "--links",
+    is_flag=True,
+    help="Estimate the links' inertia, too; torque constants and the tool are then kept.",
 )
 @click.option(
     "--report", type=click.Path(path_type=Path), help="Folder for a report with plots (Markdown, PNG)."
@@ -76,6 +79,7 @@ def calibrate(
     """
     if out is not None and in_place:
         raise click.UsageError("--out and --write: expected one of them, got both")
+    check_writable("--out", out)
     errors = Console(stderr=True)
     try:
         scene = Scene.load(path)

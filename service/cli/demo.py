@@ -106,8 +106,9 @@ def _start(
     console: Console, stack: ExitStack, script: Script, port: int, more: list[str], view: bool
 ) -> Client:
     noise = script.noise
+    touches = "once" if len(script.contacts) == 1 else f"{len(script.contacts)} times"
     console.print(
-        f"A simulated {script.robot} is touched {len(script.contacts)} times in {script.duration:g} s.\n"
+        f"A simulated {script.robot} is touched {touches} in {script.duration:g} s.\n"
         f"Noise: {noise.base_force:g} N and {noise.base_moment:g} Nm at the base, "
         f"{noise.joint_torque:g} Nm at each joint."
     )

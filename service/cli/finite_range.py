@@ -9,6 +9,8 @@ import click
 class FiniteRange(click.FloatRange):
     """A number within limits. Click itself lets NaN pass any limit, as no comparison with it is true."""
 
+    name = "number"
+
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
         """The number.
 

@@ -9,6 +9,7 @@ import click
 import numpy as np
 
 from contactsense.scene import Scene, SceneError
+from contactsense.service.cli.output_file import check_writable
 from contactsense.service.free_ports import PortError, Wanted, check
 from contactsense.service.live.scheduling import prefer_low_latency
 from contactsense.service.mock.cell import Cell
@@ -93,6 +94,9 @@ def mock(
         robot = simulated_robot(script, scene, loop)
     except (ScriptError, SceneError) as error:
         raise click.ClickException(str(error)) from None
+    logs = {"--sent-log": sent_log, "--received-log": received_log, "--contact-log": contact_log}
+    for option, log in logs.items():
+        check_writable(option, log)
     settings = MockSettings(
         host=host,
         rtde_port=rtde_port,

@@ -53,7 +53,9 @@ from contactsense.service.viewer.service_calls import LiveError, ServiceCalls
     help="Start a new file at this size before compression [MB].",
 )  # fmt: skip
 @click.option(
-    "--disk-limit-mb", type=FiniteRange(1.0), help="Remove the oldest files beyond this total size [MB]."
+    "--disk-limit-mb",
+    type=FiniteRange(1.0),
+    help="Remove the oldest files of a table beyond this total size [MB].",
 )
 @click.option(
     "--from", "origin", type=click.Path(path_type=Path), help="Convert this recording instead of a live arm."
@@ -150,16 +152,20 @@ def _run(live: LiveSource, recorder: Recorder, seconds: float | None, out: Path)
         console.print(f"completed from an earlier run: {path.name}", highlight=False)
     size = sum(path.stat().st_size for path in files if path.exists()) / 1e6
     click.echo(
-        f"{recorder.rows} samples and {recorder.readings} force/torque readings in {len(files)} files in "
+        f"{recorder.rows} samples and {recorder.readings} force/torque readings in {_files(len(files))} in "
         f"{out} ({size:.1f} MB), {lost} lost"
         + (
-            f"; removed to keep --disk-limit-mb: the oldest {recorder.removed} files"
+            f"; the oldest were removed to keep --disk-limit-mb: {_files(recorder.removed)}"
             if recorder.removed
             else ""
         )
     )
     if recorder.rows == 0:
         raise click.ClickException(f"nothing was recorded: {health.trouble or 'no samples arrived'}")
+
+
+def _files(count: int) -> str:
+    return "1 file" if count == 1 else f"{count} files"
 
 
 def _state(live: LiveSource, recorder: Recorder) -> str:

@@ -39,7 +39,7 @@ class ControllerSettings(BaseModel):
     """Interfaces for controllers. Robot programs can neither encrypt nor send a token. Therefore their ports
     are on the loopback interface unless `host` is set; then only the addresses in `clients` may connect."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     source: Literal["robot", "push"] = "robot"
     """Source of the pipeline's samples: read from the robot, or pushed over WS /v1/track."""

@@ -45,7 +45,7 @@ class JournalError(RuntimeError):
 class JournalSettings(BaseModel):
     """Where events are kept, and how many."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     path: Path | None = None
     """File; None: in memory, only while the service runs."""

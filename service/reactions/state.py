@@ -30,7 +30,7 @@ log = logging.getLogger("contactsense")
 class ReactionSettings(BaseModel):
     """Where the rules are."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     file: Path | None = None
     """Rules file; None: `reactions.yaml` in the folder of the scene file, if there is one."""

@@ -34,7 +34,7 @@ _CHUNK = 250
 class RecordingSettings(BaseModel):
     """Recording settings of the service."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     folder: Path | None = None
     """Folder for clips and recordings; without it the service writes none."""

@@ -82,6 +82,34 @@ def test_a_scene_is_calibrated_and_written(folder: Path) -> None:
     assert (folder / "report" / "residuals_0.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
+def test_the_links_are_estimated_if_wanted(folder: Path, tmp_path: Path) -> None:
+    """The tool, which the arm of the recording does not have, is then kept: it cannot be told from them."""
+    (tmp_path / "scene.yaml").write_text("{robot: ur5e, base_wrench: null, tool: {mass: 0.3}}")
+    found = {}
+    for options in ((), ("--links",)):
+        files = [str(folder / "free.csv"), "--scene", str(tmp_path / "scene.yaml")]
+        result = CliRunner().invoke(calibrate, [*files, "--out", str(tmp_path / "new.yaml"), *options])
+        assert result.exit_code == 0, result.output
+        found[options] = Scene.load(tmp_path / "new.yaml")
+    without, links = found.values()
+    assert without.inertia is None
+    assert without.tool is None or without.tool.mass < 0.1
+    assert links.tool is not None
+    assert links.tool.mass == 0.3
+    assert links.inertia is not None
+    assert set(links.inertia) == {"shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3"}
+    assert 0.0 < links.inertia["forearm"].mass != TRUTH.robot.links[3].inertia.mass
+
+
+def test_a_scene_that_cannot_be_written_is_refused_before_the_work(folder: Path) -> None:
+    files = [str(folder / "free.csv"), "--scene", str(folder / "scene.yaml")]
+    result = CliRunner().invoke(calibrate, [*files, "--out", str(folder / "none" / "new.yaml")])
+    assert result.exit_code == 1
+    assert "--out: " in result.output
+    assert "there is no folder" in result.output
+
+
 def test_a_fit_that_has_gone_wrong_is_not_recommended(folder: Path) -> None:
     scene = Scene.load(folder / "scene.yaml")
     parts, _ = read_free_motion(folder / "free.csv", scene)

@@ -1,6 +1,9 @@
-"""Lists of commands in help texts: whole sentences on a terminal of 80 columns, and commands that exist."""
+"""Lists of commands in help texts: whole sentences on a terminal of 80 columns, and commands that exist. All
+their options are tested or described."""
 
+import re
 from collections.abc import Iterator
+from pathlib import Path
 
 import click
 import pytest
@@ -13,6 +16,9 @@ from contactsense.service.cli.reactions import reactions
 from contactsense.service.cli.scene import scene
 
 groups = pytest.mark.parametrize("group", [cli, scene, bench, reactions], ids=lambda group: group.name)
+
+ROOT = Path(__file__).parents[2]
+OPTION = re.compile(r"(?<![\w-])--[a-z][a-z0-9-]*")
 
 
 def lines(group: click.Group) -> Iterator[str]:
@@ -40,3 +46,33 @@ def test_listed_commands_exist(group: click.Group) -> None:
         command = group.get_command(click.Context(group), name)
         assert command is not None
         assert isinstance(command, LazyGroup | click.Group) or command.help, name
+
+
+def commands(group: click.Group, name: str) -> Iterator[tuple[str, click.Command]]:
+    """All commands below a group that can be imported here, with their names as they are called."""
+    for word in group.list_commands(click.Context(group)):
+        try:
+            command = group.get_command(click.Context(group), word)
+        except click.ClickException:  # an extra is not installed
+            continue
+        assert command is not None
+        if isinstance(command, click.Group):
+            yield from commands(command, f"{name} {word}")
+        else:
+            yield f"{name} {word}", command
+
+
+@pytest.mark.slow
+def test_every_option_is_named_in_a_test_or_on_a_page() -> None:
+    files = [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"), *(ROOT / "tests").rglob("*.py")]
+    files.remove(ROOT / "CHANGELOG.md")
+    named = {word for file in files for word in OPTION.findall(file.read_text(encoding="utf-8"))}
+    unnamed = [
+        f"{name} {option}"
+        for name, command in commands(cli, "contactsense")
+        for parameter in command.params
+        if isinstance(parameter, click.Option)
+        for option in (*parameter.opts, *parameter.secondary_opts)
+        if option.startswith("--") and option not in named
+    ]
+    assert unnamed == []

@@ -155,7 +155,7 @@ def _on_dask(
     try:
         client = Client(scheduler, timeout=10)  # type: ignore[no-untyped-call]
     except (OSError, ValueError, TimeoutError) as error:
-        raise WorkerPoolError(f"{scheduler}: cannot reach the Dask scheduler: {error}") from None
+        raise WorkerPoolError(f"--scheduler: {scheduler!r}: cannot reach it: {error}") from None
     with client:
         futures = {client.submit(function, task, pure=False, retries=MOST_DEATHS): task for task in tasks}
         for future in as_completed(list(futures)):  # type: ignore[no-untyped-call]

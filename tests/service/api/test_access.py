@@ -63,6 +63,11 @@ def app(**settings: object) -> FastAPI:
         ("allowed_origins", "https://a.example,*", "https://panel.example"),
         ("allowed_hosts", "panel.example:8000", "panel.example"),
         ("allowed_hosts", "http://panel.example", "panel.example"),
+        ("allowed_hosts", "*", "panel.example"),
+        ("allowed_hosts", "robot..cell", "panel.example"),
+        ("allowed_origins", "https://panel.example:port", "https://panel.example"),
+        ("allowed_origins", "https://panel.example#page", "https://panel.example"),
+        ("allowed_origins", "https://me@panel.example", "https://panel.example"),
     ],
 )
 def test_what_no_request_can_have_is_refused(setting: str, value: str, example: str) -> None:
@@ -73,6 +78,13 @@ def test_what_no_request_can_have_is_refused(setting: str, value: str, example: 
 def test_an_origin_is_what_browsers_send() -> None:
     given = Settings.checked({"allowed_origins": "https://Panel.example/, http://10.0.0.2:3000"})
     assert given.allowed_origins == ("https://panel.example", "http://10.0.0.2:3000")
+    given = Settings.checked(
+        {"allowed_origins": "https://a.example:443,http://[::1]:80,http://a.example:443"}
+    )
+    assert given.allowed_origins == ("https://a.example", "http://[::1]", "http://a.example:443")
+    given = Settings.checked({"allowed_origins": "https://Zellenrübe.example", "allowed_hosts": "Rübe"})
+    assert given.allowed_origins == ("https://xn--zellenrbe-w9a.example",)
+    assert given.allowed_hosts == ("xn--rbe-hoa",)
     assert Settings.checked({"allowed_origins": "", "allowed_hosts": ""}).allowed_hosts == ()
 
 

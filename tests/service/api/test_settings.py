@@ -24,6 +24,21 @@ def test_from_the_environment() -> None:
     assert settings.ft_rate == 7000.0
 
 
+@pytest.mark.parametrize(
+    ("setting", "value"),
+    [
+        ("robot_rate", "inf"),
+        ("ft_rate", "nan"),
+        ("ft_counts", "inf,1"),
+        ("max_request_rate", "inf"),
+        ("recording", '{"before": Infinity}'),
+    ],
+)
+def test_numbers_are_finite(setting: str, value: str) -> None:
+    with pytest.raises(SettingsError, match=f"^settings: {setting}.*: expected a finite number"):
+        Settings.checked({setting: value})
+
+
 def test_options_of_a_group_are_variables_too(tmp_path: Path) -> None:
     environment = {
         "CONTACTSENSE_CONTROLLERS": '{"tracks": 2, "line_port": 1}',
