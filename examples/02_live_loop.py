@@ -23,6 +23,7 @@ from contactsense.service.mock.script import Script
 from contactsense.service.mock.servers import MockServers, MockSettings
 from contactsense.service.mock.simulated_arm import simulate
 from contactsense.service.sensors.live_source import LiveSource, SourceSettings
+from contactsense.service.sensors.robot_stream import SensorError
 
 DURATION = 8.0  # [s]
 BUDGET = 0.002  # time between two samples [s]
@@ -55,8 +56,12 @@ def main() -> None:
     scene = Scene(robot="ur5e")
     localizer = Localizer(scene)  # compiles or loads the kernels: do that before the robot moves
     if len(sys.argv) == 3:
-        with LiveSource(scene, SourceSettings(robot_host=sys.argv[1], wrench_host=sys.argv[2])) as source:
-            loop(localizer, source)
+        settings = SourceSettings(robot_host=sys.argv[1], wrench_host=sys.argv[2])
+        try:
+            with LiveSource(scene, settings) as source:
+                loop(localizer, source)
+        except SensorError as error:  # an address that is none, or a sensor that contradicts the scene
+            sys.exit(str(error))
         return
     with MockServers(simulate(Script.demo()), MockSettings(rtde_port=0, netft_port=0, http_port=0)) as mock:
         settings = SourceSettings(

@@ -12,9 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from contactsense import Contact, Localizer, Scene
+from contactsense.scene import SceneError
 from contactsense.service.mock.script import Script
 from contactsense.service.mock.simulated_arm import simulate
-from contactsense.service.recordings import read
+from contactsense.service.recordings import RecordingError, read
 from contactsense.service.recordings.export import write_columns
 
 
@@ -41,6 +42,8 @@ def report(recording: Path, scene: Scene) -> None:
             f"{begun[number]:7.3f} to {end:7.3f} s  {best.link:10} "
             f"{force(best):5.1f} N at {np.round(best.point, 3)} m in the link's frame"
         )
+    if not ended:
+        print("no contact has ended")
 
 
 def force(contact: Contact) -> float:
@@ -63,7 +66,10 @@ def simulated(path: Path) -> Path:
 
 if __name__ == "__main__":
     if len(sys.argv) == 3:
-        report(Path(sys.argv[1]), Scene.load(sys.argv[2]))
+        try:
+            report(Path(sys.argv[1]), Scene.load(sys.argv[2]))
+        except (SceneError, RecordingError) as error:
+            sys.exit(str(error))
     elif len(sys.argv) > 1:
         sys.exit("expected RECORDING SCENE.yaml, or nothing for a simulated recording")
     else:

@@ -20,6 +20,8 @@ from collections.abc import AsyncIterator
 from typing import Any
 
 from websockets.asyncio.client import ClientConnection, connect
+from websockets.exceptions import InvalidURI, WebSocketException
+from websockets.uri import parse_uri
 
 from contactsense.service.cli.serve import READY
 from contactsense.service.demo.child_process import child
@@ -89,10 +91,17 @@ def main() -> None:
     if len(sys.argv) > 2:
         sys.exit("expected ws://ADDRESS:PORT, or nothing to start a service here")
     if len(sys.argv) == 2:
+        url = sys.argv[1].rstrip("/")
         try:
-            asyncio.run(run(sys.argv[1].rstrip("/")))
+            parse_uri(url)
+        except (InvalidURI, ValueError):
+            sys.exit(f"expected ws://ADDRESS:PORT, got {url}")
+        try:
+            asyncio.run(run(url))
         except OSError as error:
-            sys.exit(f"{sys.argv[1]}: no service answers ({error.strerror or error})")
+            sys.exit(f"{url}: no service answers ({error.strerror or error})")
+        except WebSocketException as error:  # another program, no permission, or the service has ended
+            sys.exit(f"{url}: {error}")
         return
     with child("serve", "--port", "0") as service:
         asyncio.run(run(service.wait_for(READY).replace("http", "ws", 1)))

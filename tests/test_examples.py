@@ -16,14 +16,18 @@ ROOT = Path(__file__).parents[1]
 pytestmark = pytest.mark.slow
 
 
-def _run(name: str, *arguments: str) -> str:
+def _ended(name: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     place = str(Path(contactsense.__path__[0]).parent)
-    done = subprocess.run(
+    return subprocess.run(
         [sys.executable, "-W", "error", str(ROOT / "examples" / name), *arguments],
         env={**os.environ, "PYTHONPATH": place},
         capture_output=True,
         text=True,
     )
+
+
+def _run(name: str, *arguments: str) -> str:
+    done = _ended(name, *arguments)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
@@ -32,6 +36,13 @@ def test_first_lines() -> None:
     out = _run("01_first_lines.py")
     assert out.startswith("status: contact")
     assert "on forearm" in out
+
+
+def test_first_lines_uncompiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Division by zero, which the kernels rely on, is no warning, and the result is the same."""
+    compiled = _run("01_first_lines.py")
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
+    assert _run("01_first_lines.py") == compiled
 
 
 @pytest.mark.realtime
@@ -52,6 +63,24 @@ def test_half_of_the_arguments_is_no_simulation(name: str) -> None:
     """Whoever names a robot and forgets the sensor must not take the simulated arm for their own."""
     with pytest.raises(AssertionError, match=r"expected .*, or nothing for a simulated"):
         _run(name, "one")
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments", "reason"),
+    [
+        ("02_live_loop.py", ("127.0.0.1", ""), "force/torque sensor at :49152: "),
+        ("03_offline_file.py", ("none.csv", "none.yaml"), "none.yaml: cannot read the scene: "),
+        ("03_offline_file.py", ("none.csv", "CELL"), "none.csv: cannot read the recording: "),
+        ("05_own_controller.py", ("http://127.0.0.1:1",), "expected ws://ADDRESS:PORT, got http:"),
+        ("05_own_controller.py", ("ws://127.0.0.1:99999",), "expected ws://ADDRESS:PORT, got ws:"),
+        ("05_own_controller.py", ("ws://127.0.0.1:1",), "ws://127.0.0.1:1: no service answers"),
+    ],
+)
+def test_wrong_arguments_are_told_in_one_line(name: str, arguments: tuple[str, ...], reason: str) -> None:
+    cell = str(ROOT / "examples" / "cells" / "base_sensor.yaml")
+    done = _ended(name, *(cell if argument == "CELL" else argument for argument in arguments))
+    assert (done.returncode, done.stderr.count("\n")) == (1, 1), done.stderr
+    assert done.stderr.startswith(reason)
 
 
 def test_a_robot_that_is_not_there_is_told() -> None:

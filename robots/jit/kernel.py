@@ -8,6 +8,7 @@ extends the check to all of them, so that editing or updating one file never lea
 import hashlib
 import os
 import sys
+import warnings
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import FunctionType
@@ -41,6 +42,10 @@ VARIANT = ".called_by_kernels"
 _ROOT = str(Path(__file__).parents[2])
 _SOURCES: dict[Any, tuple[Callable[..., Any], frozenset[str]]] = {}
 """Compiled function -> its source and its compile options."""
+
+if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]  # set from the environment
+    # Compiled code divides by zero as in IEEE 754 and says nothing; NumPy's numbers warn.
+    warnings.filterwarnings("ignore", category=RuntimeWarning, module=r"contactsense\.")
 
 
 def kernel(function: F) -> F:

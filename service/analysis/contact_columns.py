@@ -36,7 +36,11 @@ def _vector(name: str, meaning: str, unit: str, frame: str) -> ContactColumns:
 
 
 COLUMNS = (
-    _one("recording", pa.string(), "The file; of a dataset its path within that."),
+    _one(
+        "recording",
+        pa.string(),
+        "The file, as seen from the folder of this table; of a dataset its path within that.",
+    ),
     _one("row", pa.int64(), "Row of the first sample in the file, from 0, without the header."),
     _one("row_end", pa.int64(), "Row after the last sample."),
     _one("contact", pa.int64(), "Number of the contact in the recording, from 1."),

@@ -1,5 +1,6 @@
 """Contacts as a table: Parquet for programs, CSV for people."""
 
+import os
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -37,6 +38,17 @@ def write_contacts(table: pa.Table, folder: Path) -> None:
         flat = flat.set_column(index, name, pa.array(texts, pa.string()))
     with whole_file(folder / "contacts.csv") as unfinished:
         pa_csv.write_csv(flat, unfinished)
+
+
+def from_folder(table: pa.Table, recording: Path, folder: Path) -> pa.Table:
+    """The table with the path of its recording as seen from the folder in which it is written: it is found
+    from any working directory, and when both are moved together."""
+    try:
+        path = Path(os.path.relpath(recording.resolve(), folder.resolve()))
+    except ValueError:  # on another drive
+        path = recording.resolve()
+    names = pa.array([path.as_posix()] * len(table), pa.string())
+    return table.set_column(table.schema.get_field_index("recording"), "recording", names)
 
 
 def _row(contact: ContactSummary) -> dict[str, object]:

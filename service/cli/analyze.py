@@ -15,7 +15,7 @@ from contactsense.service.analysis import Analysis, ForceLimits, LimitsError
 from contactsense.service.analysis import analyze as run
 from contactsense.service.analysis.contact_arrows import contact_arrows
 from contactsense.service.analysis.contact_summary import millimetres
-from contactsense.service.analysis.contact_table import contact_rows, write_contacts
+from contactsense.service.analysis.contact_table import contact_rows, from_folder, write_contacts
 from contactsense.service.analysis.force_limits import DISCLAIMER
 from contactsense.service.analysis.health import UNJUDGED, health, warning
 from contactsense.service.analysis.report import write_report
@@ -178,7 +178,7 @@ def _analyze(
             progress=lambda count: progress.advance(task, count),
         )
     folder.mkdir(parents=True, exist_ok=True)
-    write_contacts(found.to_arrow(), folder)
+    write_contacts(from_folder(found.to_arrow(), file.path, folder), folder)
     if found.estimates is not None:
         write_parquet(found.estimates, folder / "estimates.parquet")
     write_report(found, folder)

@@ -1,5 +1,6 @@
 """The timeline of a recording as a Matplotlib figure, for notebooks."""
 
+import io
 from typing import Any
 
 from contactsense.service.analysis.analysis import Analysis
@@ -9,14 +10,27 @@ from contactsense.service.drawing.palette import NOWHERE, link_colour
 
 def timeline_figure(analysis: Analysis) -> Any:
     """Forces of the contacts over time, coloured by link, above the energy of the no-contact hypothesis."""
-    with figure_style():
-        return _draw(analysis)
+    try:
+        with figure_style():
+            return _draw(analysis)
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(
+            f"plots need {error.name}: pip install contactsense[notebook]", name=error.name
+        ) from None
 
 
 def _draw(analysis: Analysis) -> Any:
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(9.0, 4.5), layout="constrained")
+    class Shown(Figure):
+        """A figure that notebooks show, also where pyplot is not in use."""
+
+        def _repr_png_(self) -> bytes:
+            with io.BytesIO() as picture:
+                self.savefig(picture, format="png")
+                return picture.getvalue()
+
+    figure = Shown(figsize=(9.0, 4.5), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
     seen: set[int] = set()
     for contact in analysis.contacts:

@@ -15,6 +15,7 @@ from contactsense.scene import Scene
 from contactsense.sensors.link_values import column_of
 from contactsense.service.recordings.column_mapping import ColumnMapping
 from contactsense.service.recordings.cut_bags import STORAGE, raw_messages, storage_files
+from contactsense.service.recordings.file_format import format_of
 from contactsense.service.recordings.joint_order import joint_order
 from contactsense.service.recordings.problems import Problem, RecordingError
 from contactsense.service.recordings.reading_times import readings_at
@@ -27,7 +28,7 @@ def is_bag(path: Path) -> bool:
     """Whether a path is an MCAP file, a rosbag2 database, or a rosbag2 folder."""
     if path.is_dir():
         return (path / "metadata.yaml").exists() or bool(storage_files(path))
-    return path.suffix in STORAGE
+    return format_of(path) in STORAGE
 
 
 class BagFile:

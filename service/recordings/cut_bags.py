@@ -10,6 +10,8 @@ from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
+from contactsense.service.recordings.file_format import format_of
+
 STORAGE = (".mcap", ".db3")
 """File name extensions of files with messages."""
 
@@ -18,7 +20,7 @@ def storage_files(path: Path) -> list[Path]:
     """The files that hold the messages of a bag, sorted by name."""
     if not path.is_dir():
         return [path]
-    return sorted(file for file in path.iterdir() if file.suffix in STORAGE)
+    return sorted(file for file in path.iterdir() if format_of(file) in STORAGE)
 
 
 def raw_messages(path: Path) -> Iterator[tuple[str, str, bytes]]:
@@ -28,7 +30,7 @@ def raw_messages(path: Path) -> Iterator[tuple[str, str, bytes]]:
         OSError, ValueError: The file ends too early or is damaged at this point; the messages before it can
             be used.
     """
-    yield from _of_mcap(path) if path.suffix == ".mcap" else _of_database(path)
+    yield from _of_mcap(path) if format_of(path) == ".mcap" else _of_database(path)
 
 
 def _of_mcap(path: Path) -> Iterator[tuple[str, str, bytes]]:

@@ -14,6 +14,7 @@ from contactsense.scene import Scene
 from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
 from contactsense.scene_model.wrench_map import WrenchMap
 from contactsense.sensors.link_values import as_fields, column_of
+from contactsense.service.recordings.file_format import format_of
 from contactsense.service.recordings.metadata import metadata
 from contactsense.service.recordings.parquet_files import write_parquet
 from contactsense.service.recordings.problems import RecordingError
@@ -48,7 +49,7 @@ def check_format(path: Path) -> None:
     Raises:
         RecordingError: It tells no known format.
     """
-    if path.suffix not in (".parquet", ".csv"):
+    if format_of(path) not in (".parquet", ".csv"):
         raise RecordingError(f"{path}: expected a name that ends in .parquet or .csv")
 
 
@@ -57,7 +58,7 @@ def _write_table(table: pa.Table, path: Path) -> None:
     if not path.parent.is_dir():  # otherwise the error names a temporary file
         raise RecordingError(f"{path}: there is no folder {path.parent}")
     try:
-        if path.suffix == ".parquet":
+        if format_of(path) == ".parquet":
             write_parquet(table, path)
         else:
             with whole_file(path) as unfinished:
@@ -85,11 +86,11 @@ def export(
     Raises:
         RecordingError: The format is unknown, an extra package is missing, or the file cannot be written.
     """
-    if path.suffix not in (".parquet", ".csv", ".mcap"):
+    if format_of(path) not in (".parquet", ".csv", ".mcap"):
         raise RecordingError(f"{path}: expected a name that ends in .parquet, .csv or .mcap")
     if scene is not None:
         recording = _as_read(recording, scene)
-    if path.suffix != ".mcap":
+    if format_of(path) != ".mcap":
         described = {} if scene is None else metadata(scene)
         _write_table(recording.to_arrow().replace_schema_metadata(described), path)
         return

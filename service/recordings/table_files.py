@@ -9,6 +9,7 @@ import pyarrow as pa
 
 from contactsense.service.recordings.arrow_table import ArrowTable
 from contactsense.service.recordings.csv_table import CsvTable
+from contactsense.service.recordings.file_format import format_of
 from contactsense.service.recordings.parquet_tables import ParquetFolder, ParquetTable
 from contactsense.service.recordings.problems import RecordingError
 from contactsense.service.recordings.table import TableFile, reason
@@ -23,7 +24,7 @@ def open_table(path: Path) -> TableFile:
     try:
         if path.is_dir():
             return ParquetFolder(path)
-        suffix = path.suffix.lower()  # some programs write names in capitals
+        suffix = format_of(path)
         if suffix == ".parquet":
             return ParquetTable(path)
         if suffix in (".arrow", ".arrows", ".feather"):

@@ -94,7 +94,9 @@ class AnalysisSource:
 
 def _scene_of(recording: str, table: Path) -> Scene:
     path = Path(recording)
-    found = next((each for each in (path, table.parent / path.name) if each.is_file()), None)
+    found = next(
+        (each for each in (table.parent / path, path, table.parent / path.name) if each.is_file()), None
+    )
     if found is None:
         raise RecordingError(f"{table}: its recording {recording} is not here; --scene names the scene")
     return scene_in(found)

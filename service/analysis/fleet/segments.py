@@ -16,6 +16,7 @@ import pyarrow as pa
 import pyarrow.parquet as pa_parquet
 
 from contactsense.sensors.timing import LONGEST_FIRST_STEP
+from contactsense.service.recordings.file_format import format_of
 from contactsense.service.recordings.parquet_tables import RAW_READINGS
 from contactsense.service.recordings.repeated_clips import without_repeated_clips
 from contactsense.service.recordings.table import floats
@@ -118,7 +119,7 @@ def _inside(folder: Path) -> list[Path]:
     """Recordings below a folder; a rosbag2 folder is one, a table of raw force/torque readings is not, nor is
     a clip of what was recorded anyway."""
     bags = {p.parent for name in ("metadata.yaml", "*.db3") for p in folder.rglob(name)} - {folder}
-    files = (p for p in folder.rglob("*") if p.is_file() and p.name.endswith(SUFFIXES))
+    files = (p for p in folder.rglob("*") if p.is_file() and p.name.lower().endswith(SUFFIXES))
     single = {p for p in files if not p.name.startswith((".", RAW_READINGS)) and p.parent not in bags}
     return without_repeated_clips(sorted(single | bags))
 
@@ -130,7 +131,7 @@ def segments(file: DatasetFile, length: float = SEGMENT_TIME) -> Iterator[Segmen
         file: The recording.
         length: Length of a segment [s].
     """
-    rows, rate = _rows_and_rate(file.path) if file.path.suffix == ".parquet" else (0, 0.0)
+    rows, rate = _rows_and_rate(file.path) if format_of(file.path) == ".parquet" else (0, 0.0)
     size = max(round(length * rate), 1)
     if rate <= 0.0 or rows <= 1.5 * size:
         yield Segment(file, file.key, 0, 1, 0, None, 0, 0)

@@ -45,7 +45,10 @@ def _work(task: tuple[int, Path]) -> int:
 
 
 def test_recordings_and_their_place_in_the_dataset(tmp_path: Path) -> None:
-    found = find_recordings((dataset(tmp_path),))
+    data = dataset(tmp_path)
+    second = data / "robot=a" / "date=2026-01-02" / "one"
+    second.with_suffix(".parquet").rename(second.with_suffix(".Parquet"))
+    found = find_recordings((data,))
     assert next((file.name, file.robot, file.date) for file in found) == (
         "robot=a/date=2026-01-01/one.parquet", "a", "2026-01-01",
     )  # fmt: skip

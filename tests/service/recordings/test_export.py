@@ -21,9 +21,9 @@ def recording() -> Recording:
     return Recording("made", 5.0 + 0.01 * np.arange(N), q, qd, torque, wrench, None, np.arange(N))
 
 
-@pytest.mark.parametrize("name", ["a.parquet", "a.csv", "a.mcap"])
+@pytest.mark.parametrize("name", ["a.parquet", "a.csv", "a.mcap", "A.Parquet", "A.CSV", "A.MCAP"])
 def test_there_and_back(tmp_path: Path, name: str) -> None:
-    if name.endswith(".mcap"):
+    if name.lower().endswith(".mcap"):
         pytest.importorskip("mcap_ros2")
         pytest.importorskip("rosbags")
     whole = recording()

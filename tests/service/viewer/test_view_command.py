@@ -4,6 +4,7 @@ import socket
 from pathlib import Path
 
 import numpy as np
+import pyarrow.csv as pa_csv
 import pyarrow.parquet as pa_parquet
 import pytest
 from click.testing import CliRunner
@@ -11,9 +12,11 @@ from click.testing import CliRunner
 from contactsense.scene import Scene
 from contactsense.service.analysis.contact_summary import ContactSummary
 from contactsense.service.analysis.contact_table import contact_table, write_contacts
+from contactsense.service.cli.analyze import analyze
 from contactsense.service.cli.lazy import missing
 from contactsense.service.cli.view import view
 from contactsense.service.recordings import RecordingError
+from contactsense.service.recordings.metadata import metadata
 from contactsense.service.viewer.analysis_source import AnalysisSource, is_analysis
 from contactsense.service.viewer.viewer import Viewer, serve_page
 from tests.service.analysis.recordings import demo, write_motion
@@ -63,6 +66,27 @@ def test_a_recording_with_other_names_is_read(tmp_path: Path) -> None:
         assert "--columns q=NAME names another" in CliRunner().invoke(view, arguments).output
         read = CliRunner().invoke(view, [*arguments, "--columns", "q=joint"]).output
     assert f"cannot serve at 127.0.0.1:{port}: Address already in use" in read
+
+
+@pytest.mark.slow
+def test_the_scene_of_an_analysis_is_found_from_anywhere(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its table names the recording as seen from its folder; both may have been moved."""
+    (tmp_path / "cell" / "days").mkdir(parents=True)
+    monkeypatch.chdir(tmp_path / "cell")
+    table = pa_parquet.read_table(write_motion(demo(), tmp_path / "a.parquet", last=2300))
+    described = table.replace_schema_metadata(metadata(SCENE))
+    pa_parquet.write_table(described, "days/Süd 1.parquet")
+    done = CliRunner().invoke(analyze, ["days/Süd 1.parquet", "--out", "results"])
+    assert done.exit_code == 0, done.output
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "cell").rename(tmp_path / "moved")
+    results = tmp_path / "moved" / "results"
+    names = pa_parquet.read_table(results / "contacts.parquet")["recording"].to_pylist()
+    assert set(names) == {"../days/Süd 1.parquet"}
+    assert names == pa_csv.read_csv(results / "contacts.csv")["recording"].to_pylist()
+    assert AnalysisSource(Path("moved/results/contacts.parquet"), None).scene.robot.name == "ur5e"
 
 
 def test_the_missing_extra_is_named() -> None:
