@@ -25,9 +25,12 @@ _JOINT_STATE = "JointState"
 
 
 def is_bag(path: Path) -> bool:
-    """Whether a path is an MCAP file, a rosbag2 database, or a rosbag2 folder."""
+    """Whether a path is an MCAP file, a rosbag2 database, or a rosbag2 folder. A folder of Parquet files is
+    none, though one of them may have been converted to MCAP."""
     if path.is_dir():
-        return (path / "metadata.yaml").exists() or bool(storage_files(path))
+        if (path / "metadata.yaml").exists():
+            return True
+        return bool(storage_files(path)) and all(format_of(file) != ".parquet" for file in path.iterdir())
     return format_of(path) in STORAGE
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pa_parquet
 
+from contactsense.service.recordings.file_format import format_of
 from contactsense.service.recordings.metadata import CONFLICT, PREFIX, removed_delays_of_meta
 from contactsense.service.recordings.problems import Problem, RecordingError
 from contactsense.service.recordings.repeated_clips import without_repeated_clips
@@ -79,7 +80,8 @@ class ParquetFolder:
     what was recorded anyway."""
 
     def __init__(self, path: Path) -> None:
-        found = (file for file in path.rglob("*.parquet") if not file.name.startswith(RAW_READINGS))
+        tables = (file for file in path.rglob("*") if format_of(file) == ".parquet")
+        found = (file for file in tables if not file.name.startswith(RAW_READINGS))
         files = without_repeated_clips(sorted(found))
         if not files:
             raise RecordingError(f"{path}: expected a folder with .parquet files of samples, got none")

@@ -215,8 +215,9 @@ def _in_motion(scene: Scene, field: str) -> str:
     if largest is None:
         names = ", ".join(joints_of_unknown_speed(scene.robot))
         return f"in motion not known: the arm's description has no largest speed of {names}"
+    force, moment = np.round((largest[:3].max(), largest[3:].max()), 6)  # rounding errors are no moment
     return (
-        f"in motion up to {largest[:3].max():.3g} N, {largest[3:].max():.3g} Nm on one axis (every joint at "
+        f"in motion up to {force:.3g} N, {moment:.3g} Nm on one axis (every joint at "
         f"full speed, reached or left within {RAMP_TIME:g} s); contacts come on top"
     )
 

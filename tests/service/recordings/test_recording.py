@@ -57,6 +57,8 @@ def test_packed_files_and_names_in_capitals(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read(packed, SCENE).q, table(found, "actual_q"))
     capitals = as_parquet(tmp_path, found).rename(tmp_path / "A.PARQUET")
     np.testing.assert_array_equal(read(capitals, SCENE).q, table(found, "actual_q"))
+    (tmp_path / "converted.mcap").touch()  # beside it, this makes the folder no rosbag2 recording
+    np.testing.assert_array_equal(read(tmp_path, SCENE).q, table(found, "actual_q"))
 
 
 @pytest.mark.parametrize("unit", ["ms", "us", "ns"])

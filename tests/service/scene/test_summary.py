@@ -34,6 +34,12 @@ def _text(scene: Scene) -> str:
     return "\n".join(f"{line.subject} {line.text}" for line in summarize(scene, Q))
 
 
+def test_rounding_errors_are_no_moment() -> None:
+    """A point mass in the origin of the wrist sensor has no moment about it."""
+    scene = Scene(robot="ur10e", base_wrench=None, wrist_wrench=WrenchSensor(), tool=Tool(mass=1.2))
+    assert re.search(r"in motion up to [\d.]+ N, 0 Nm on one axis", _text(scene))
+
+
 def test_mounting_and_sensor_are_said_in_words() -> None:
     sensor = WrenchSensor(rpy=(np.pi, 0.0, 0.0), translation=(0.0, 0.0, -0.04), sign="sensor_on_arm")
     text = _text(Scene(robot="ur5e", mounting=(0.0, np.pi / 6, 0.0), base_wrench=sensor))
