@@ -6,6 +6,7 @@ import click
 
 from contactsense.robots.field_errors import Place, joined
 from contactsense.service.api.settings import OptionsError
+from contactsense.service.viewer.service_calls import UrlError
 
 Grouped = Iterable[tuple[str, str, str]]
 """Options that are fields of a group of settings: option, group, field."""
@@ -14,7 +15,7 @@ Grouped = Iterable[tuple[str, str, str]]
 def refusal(error: Exception) -> click.ClickException:
     """What ends a command with one line: with status 2 if its options are wrong, and 1 if what they name
     cannot be used."""
-    kind = click.UsageError if isinstance(error, OptionsError) else click.ClickException
+    kind = click.UsageError if isinstance(error, OptionsError | UrlError) else click.ClickException
     return kind(str(error))
 
 

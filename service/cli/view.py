@@ -11,6 +11,7 @@ import click
 
 from contactsense.scene import Scene, SceneError
 from contactsense.service.api.token_file import TokenError, read_token
+from contactsense.service.cli.option_names import refusal
 from contactsense.service.free_ports import reason
 from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError, scene_in
 from contactsense.service.viewer import READY
@@ -91,7 +92,7 @@ def view(
             run(lambda: viewer.draw(source.frame(), source.note()), over)
             viewer.close()
     except (SceneError, LiveError, RecordingError, MappingError, TokenError) as error:
-        raise click.ClickException(str(error)) from None
+        raise refusal(error) from None
     return 0
 
 

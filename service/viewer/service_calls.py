@@ -25,6 +25,10 @@ class LiveError(RuntimeError):
     """The service cannot be used; the message is one line for a person."""
 
 
+class UrlError(LiveError):
+    """What was given is no URL, whatever service runs."""
+
+
 class ServiceCalls:
     """The requests that `contactsense view` and `contactsense record` make."""
 
@@ -36,7 +40,7 @@ class ServiceCalls:
             token: Its token, where it has one.
 
         Raises:
-            LiveError: This is no URL.
+            UrlError: This is none.
         """
         try:
             parts = urlsplit(url)
@@ -45,7 +49,7 @@ class ServiceCalls:
         except ValueError:
             usable = False
         if not usable:
-            raise LiveError(f"--url: expected one such as http://127.0.0.1:8000, got {url!r}")
+            raise UrlError(f"--url: expected one such as http://127.0.0.1:8000, got {url!r}")
         self.url = url.rstrip("/")
         """The service's URL."""
         self.headers = {} if token is None else {"Authorization": f"Bearer {token}"}

@@ -24,6 +24,8 @@ PAGE = (Path(__file__).parents[2] / "docs" / "install.md").read_text(encoding="u
         ["serve", "--tls-key", "key.pem"],
         ["mock", "--rtde-port", "99999"],
         ["view", "--port", "99999"],
+        ["view", "--url", "foo"],
+        ["record", "--url", "127.0.0.1:8000"],
         ["demo", "--port", "99999"],
         ["record"],
         ["record", "--out", "folder"],
