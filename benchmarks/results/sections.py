@@ -108,6 +108,12 @@ table apply to all tables below it.
             f"contactsense bench truth {TRUTH} --brief --robot ur5e --method intrinsic",
         ),
         Section(
+            "Moving arm, velocities with noise",
+            "As [Moving arm](results.md#moving-arm), with velocities as noisy as those of a real UR10e.",
+            f"contactsense bench motion {TRUTH} --suite motion --model exact --level 2 --robot ur5e "
+            "--velocity-noise 0.001",
+        ),
+        Section(
             "Base sensor alone", "", f"contactsense bench truth {TRUTH} --brief --robot ur5e --sensors base"
         ),
         Section(

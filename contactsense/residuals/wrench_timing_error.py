@@ -6,8 +6,8 @@ Both appear in the second difference D of the momentum h, the change of dh/dt fr
 - **Noise.** White noise of h with covariance S appears in the residual r = K (h - integral) as K^2 S at most,
   since the integral changes little in a step. D then has the covariance
   S (2 / dt^2 + 2 / dt0^2 + 2 / (dt dt0)) for steps dt0 and dt. S is followed as the average of D D^T over
-  `NOISE_TIME`. Real velocities have more noise than good sensors: 0.001 rad/s in a UR10e, about 0.4 N in the
-  residual.
+  `NOISE_TIME`. In the residual of a good sensor this noise is larger than the sensor's own: real velocities
+  have about 0.001 rad/s.
 - **Onset of noise.** It begins when the arm does, and the first few D D^T have too few directions. Where
   the average of |D|^2, in units of the sensor's noise, is less than `PEAK_SHARE` of the largest within
   `PEAK_TIME`, the difference counts in all directions alike.

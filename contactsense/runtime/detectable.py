@@ -14,7 +14,6 @@ from contactsense.detection.thresholds import (
 from contactsense.robots.jit.declaration import numbers
 from contactsense.runtime.state import State
 from contactsense.scene_model.constants import Constants
-from contactsense.sensors.stream_state import BASE
 from contactsense.sensors.usable_sensors import (
     Usable,
     usable_residuals_code_in_python,
@@ -38,7 +37,6 @@ class DetectableForce:
         self._constants, self._state = constants, state
         self._usual_step = numbers(state.stream.clock, "usual_step")
         self._variance_ratio = numbers(state.stream.clock, "variance_ratio")
-        self._noise_scale = numbers(state.noise_scale.noise, "scale")
         self._thresholds = thresholds
         # Link sensors that see every link that can be touched.
         first = int(constants.touchable.argmax())
@@ -77,12 +75,13 @@ class DetectableForce:
         if usable not in self._measured:
             degrees = degrees_of_freedom_of(self._constants.model.joints, usable)
             length = detected_length(self._thresholds.threshold(usable), degrees)
-            noise = self._constants.sensors.base_covariance[:3, :3]
-            self._measured[usable] = self._force(usable, length, noise, 1.0)
+            sensors = self._constants.sensors
+            variances = sensors.link_variance[:, 0]
+            self._measured[usable] = self._force(usable, length, sensors.base_covariance[:3, :3], variances)
         return self._measured[usable]
 
     def _update(self) -> float:
-        stream, sensors = self._state.stream, self._constants.sensors
+        state, stream = self._state, self._state.stream
         self._sensors, usable = usable_residuals_code_in_python(stream), usable_sensors_in_python(stream)
         key = (sensor_set(*usable), threshold_index(self._usual_step[0]))
         if key not in self._lengths:
@@ -90,17 +89,20 @@ class DetectableForce:
             threshold = float(self._constants.thresholds[*key, 0])
             self._lengths[key] = detected_length(threshold, degrees)
         ratio = float(self._variance_ratio[0])
-        noise = ratio * self._noise_scale[BASE] * sensors.base_covariance[:3, :3]
-        biases = self._state.bias_filter.base_covariance[:3, :3]
-        self.value = self._force(usable, self._lengths[key], noise + biases, ratio)
+        covariance = ratio * state.base_noise[:3, :3] + state.bias_filter.base_covariance[:3, :3]
+        variances = ratio * self._constants.sensors.link_variance[:, 0]
+        variances += state.link_timing_error.covariance[:, 0, 0]
+        self.value = self._force(usable, self._lengths[key], covariance, variances)
         return self.value
 
-    def _force(self, usable: Usable, length: float, base_covariance: np.ndarray, ratio: float) -> float:
+    def _force(
+        self, usable: Usable, length: float, base_covariance: np.ndarray, link_variances: np.ndarray
+    ) -> float:
         if usable[0]:
             return detectable_force(length, base_covariance)
-        variances = [
-            float(variance) * ratio
-            for s, variance in enumerate(self._constants.sensors.link_variance[:, 0])
+        seeing = [
+            float(variance)
+            for s, variance in enumerate(link_variances)
             if usable[2] >> s & 1 and self._seeing[s]
         ]
-        return length * math.sqrt(min(variances)) if variances else math.inf
+        return length * math.sqrt(min(seeing)) if seeing else math.inf
