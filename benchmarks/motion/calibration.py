@@ -48,7 +48,7 @@ def motion_calibration(
 ) -> None:
     """Compare stated probabilities with what is right, for the contacts of arms that move and rest in FOLDER
     (motion_ROBOT.npz): one answer of each contact 0.02, 0.1, 0.3 and 1 s after its onset, at rest and in
-    motion, holds, slides and impacts alike. Columns as in `contactsense bench calibration`; region: of the
+    motion, contacts that slide apart from those that hold their place. Columns as in `contactsense bench calibration`; region: of the
     contacts with an answer.
     """
     streams = {
@@ -81,9 +81,12 @@ def motion_calibration(
 
 
 def summaries(streams: Sequence[Stream], noise: Noise, wrong: bool, draws: int = 1) -> list[Summary]:
-    """Process all streams of one arm; one summary of the answers at each age."""
+    """Process all streams of one arm; one summary of the answers at each age, slides apart."""
     localizer = Localizer(scene_for(streams[0], noise, wrong))
-    verdicts: dict[float, list[Verdict | None]] = {age: [] for age in AGES}
+    rows = {
+        f"{age:g} s{suffix}": (age, slides) for slides, suffix in enumerate(("", ", slide")) for age in AGES
+    }
+    verdicts: dict[tuple[float, int], list[Verdict | None]] = {row: [] for row in rows.values()}
     for stream in streams:
         for draw in range(draws if any(noise) else 1):
             drawn = redrawn(stream, draw)
@@ -92,11 +95,17 @@ def summaries(streams: Sequence[Stream], noise: Noise, wrong: bool, draws: int =
                 if i in ages:
                     link, point = int(drawn.link[i]), drawn.point_base[i]
                     judged = verdict(estimate.contacts, estimate.link_probability, link, point)
-                    verdicts[ages[i]].append(judged)
+                    verdicts[ages[i], _slides(drawn, i)].append(judged)
     found = []
-    for age, judged_at in verdicts.items():
+    for label, row in rows.items():
+        judged_at = verdicts[row]
         answered = [one for one in judged_at if one is not None]
         if answered:
-            kept = summarize(streams[0].robot, f"{age:g} s", noise, answered)
+            kept = summarize(streams[0].robot, label, noise, answered)
             found.append(kept._replace(no_answer=1.0 - len(answered) / len(judged_at)))
     return found
+
+
+def _slides(stream: Stream, sample: int) -> int:
+    """1 if the contact of a sample slides, else 0."""
+    return int(any(event.type == "slide" and event.start <= sample < event.stop for event in stream.events))

@@ -114,6 +114,11 @@ table apply to all tables below it.
             "--velocity-noise 0.001",
         ),
         Section(
+            "Calibration over time",
+            "As [Calibration](#calibration), for contacts on moving and resting arms, some time after their onset.",
+            f"contactsense bench motion-calibration {PAIRS} --robot ur5e --level 2",
+        ),
+        Section(
             "Base sensor alone", "", f"contactsense bench truth {TRUTH} --brief --robot ur5e --sensors base"
         ),
         Section(

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -67,6 +68,15 @@ def test_each_contact_is_judged_once_at_each_age_that_it_reaches() -> None:
     assert (late.sensors, late.samples, late.region.found) == ("0.3 s", 1, 0.0)
     assert late.statements["place"].error == pytest.approx(1.0)
     assert late.statements["link"].error == 0.0
+
+
+@pytest.mark.usefixtures("answered")
+def test_slides_are_judged_apart() -> None:
+    slide = replace(stream(), events=(Event(200, 400, "slide"), Event(700, 725, "impact")))
+    found = calibration.summaries([stream(), slide], COLUMNS[0], wrong=False)
+    assert [(one.sensors, one.samples) for one in found] == [
+        ("0.1 s", 1), ("0.3 s", 1), ("0.1 s, slide", 1), ("0.3 s, slide", 1)
+    ]  # fmt: skip
 
 
 @pytest.mark.usefixtures("answered")
