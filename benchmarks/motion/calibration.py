@@ -48,8 +48,8 @@ def motion_calibration(
 ) -> None:
     """Compare stated probabilities with what is right, for the contacts of arms that move and rest in FOLDER
     (motion_ROBOT.npz): one answer of each contact 0.02, 0.1, 0.3 and 1 s after its onset, at rest and in
-    motion, contacts that slide apart from those that hold their place. Columns as in `contactsense bench calibration`; region: of the
-    contacts with an answer.
+    motion, contacts that slide apart from those that hold their place. Columns as in `contactsense bench
+    calibration`; region: of the contacts with an answer.
     """
     streams = {
         pair: [with_velocity_noise(run, velocity_noise) for run in read(folder, *pair)]

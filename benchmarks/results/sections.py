@@ -115,7 +115,7 @@ table apply to all tables below it.
         ),
         Section(
             "Calibration over time",
-            "As [Calibration](#calibration), for contacts on moving and resting arms, some time after their onset.",
+            "As [Calibration](#calibration), some time after the onset, on moving and resting arms.",
             f"contactsense bench motion-calibration {PAIRS} --robot ur5e --level 2",
         ),
         Section(

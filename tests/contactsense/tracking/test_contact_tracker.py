@@ -97,7 +97,8 @@ def _errors(estimates: list[Estimate], points: np.ndarray) -> np.ndarray:
 @pytest.mark.slow
 @pytest.mark.parametrize("speed", [0.0, 1.0])
 def test_a_held_contact_sharpens_with_the_root_of_time(localizer: Localizer, speed: float) -> None:
-    """From 0.2 to 3.2 s of holding the stated error falls by 4, and it is true; the arm may move."""
+    """From 0.2 to 3.2 s of holding the noise in the stated error falls by 4. At first it also allows for a slide
+    that is too slow to be seen. It is true; the arm may move."""
     early, late, stated_early, stated_late = [], [], [], []
     for seed in range(8):
         samples, points = _samples(START + 3.3, _held, seed, speed)
@@ -109,7 +110,7 @@ def test_a_held_contact_sharpens_with_the_root_of_time(localizer: Localizer, spe
         stated_early.append(np.trace(estimates[first].contacts[0].covariance))
         stated_late.append(np.trace(estimates[last].contacts[0].covariance))
         assert [event.kind for e in estimates for event in e.events] == ["onset", "hold"]
-    assert np.sqrt(np.mean(stated_early) / np.mean(stated_late)) == pytest.approx(4.0, rel=0.4)
+    assert 0.6 * 4.0 < np.sqrt(np.mean(stated_early) / np.mean(stated_late)) < 2.0 * 4.0
     # Eight places with two errors each: chi-square with 16 degrees of freedom over 16, 99.9 % within.
     for errors, stated in ((early, stated_early), (late, stated_late)):
         assert 0.2 < np.sum(np.square(errors)) / np.sum(stated) < 2.5

@@ -6,6 +6,11 @@ import pytest
 from contactsense import JointTorqueSensor, Localizer, Scene, WrenchSensor, robots
 from contactsense.benchmarks.accuracy.static_cases import COLUMNS
 from contactsense.benchmarks.hold.simulate import SLIDE, Finger, stream
+from contactsense.kinematics.model import empty_motion
+from contactsense.robots.jit.flat_buffers import zeros
+from contactsense.tracking.contact_track import HOLD, ContactTrack
+from contactsense.tracking.contact_track import SLIDE as SLIDING
+from contactsense.tracking.sliding import extrapolate_sliding
 
 NOISE = COLUMNS[1]
 
@@ -33,3 +38,80 @@ def test_a_sliding_contact_has_no_lag(way: np.ndarray) -> None:
     assert len(way) > 400
     assert abs(np.median(way[:, 1])) < 2e-4
     assert np.quantile(np.abs(way[:, 1]), 0.9) < 1.5e-3
+
+
+WINDOW = 3
+AGES = np.array([0.016, 0.03, 0.05, 0.09])
+"""Mean age of the windows [s]; the last one is in use."""
+
+
+def extrapolated(
+    place: np.ndarray, noise: np.ndarray, phase: int = HOLD, body: int = 0, ages: np.ndarray = AGES
+) -> tuple[np.ndarray, np.ndarray]:
+    """Shift and added covariance of a contact on the base, whose normal is z.
+
+    Args:
+        place: Of each window along the tangents, shape (4, 2) [m].
+        noise: Standard deviation of each along either tangent, shape (4,) [m].
+        phase: Of the contact.
+        body: That of the candidate.
+        ages: Mean age of each window [s].
+    """
+    track, motion = zeros(ContactTrack, joints=6, link_sensors=0, links=7), empty_motion(6)
+    motion.rotation[:] = np.eye(3)
+    status = track.status[0]
+    status.window, status.phase, status.last_body = WINDOW, phase, 0
+    track.last_normal[:] = 0.0, 0.0, 1.0
+    track.moment_covariance[:] = 1.0, 0.0, 1.0
+    for i in range(len(AGES)):
+        window = track.windows[i]
+        window.age, window.normal_force = ages[i], -20.0
+        (window.x, window.y), window.noise_to_force = place[i], noise[i] ** 2
+    point, base, covariance = np.zeros(3), np.zeros(3), np.zeros((3, 3))
+    extrapolate_sliding(track, motion, body, point, base, covariance)
+    np.testing.assert_array_equal(point, base)
+    return point, covariance
+
+
+def test_a_contact_that_may_slide_is_where_it_is_said_to_be() -> None:
+    """Half of the contacts hold their place, the others slide as is assumed beforehand: the errors have the
+    stated variance, and are smaller than those of the window. The normal has no share in it."""
+    chance = np.random.default_rng(0)
+    lengths = np.array([1.0, 3.0, 9.0, 27.0])
+    noise = 0.002 / np.sqrt(lengths)
+    errors, stated, before = [], [], []
+    for _ in range(4000):
+        velocity = chance.normal(0.0, 0.03, 2) * (chance.random() < 0.5)
+        # Each window contains the shorter ones.
+        parts = chance.normal(0.0, 0.002, (4, 2)) / np.sqrt(np.diff(lengths, prepend=0.0))[:, None]
+        weights = np.diff(lengths, prepend=0.0)[:, None]
+        means = np.cumsum(weights * parts, axis=0) / lengths[:, None]
+        shift, covariance = extrapolated(means - AGES[:, None] * velocity, noise)
+        error = (means - AGES[:, None] * velocity)[WINDOW] + shift[:2]
+        assert shift[2] == 0.0
+        assert not covariance[2].any()
+        errors.append(error @ error)
+        stated.append(np.trace(covariance) + 2.0 * noise[WINDOW] ** 2)
+        before.append(((means - AGES[:, None] * velocity)[WINDOW] ** 2).sum())
+    assert np.mean(errors) < 0.5 * np.mean(before)
+    assert 0.8 < np.mean(errors) / np.mean(stated) < 1.2
+
+
+def test_one_that_has_long_held_its_place_is_as_certain_as_before() -> None:
+    noise = np.array([1e-3, 5e-4, 3e-4, 1.5e-4])
+    shift, covariance = extrapolated(np.zeros((4, 2)), noise, ages=5.0 * AGES)
+    assert not shift.any()
+    assert np.trace(covariance) < 0.5 * 2.0 * noise[WINDOW] ** 2
+
+
+def test_one_whose_windows_agree_with_a_velocity_is_moved_by_all_of_it() -> None:
+    noise, velocity = np.full(4, 1e-4), np.array([0.03, -0.02])
+    for phase in (HOLD, SLIDING):
+        shift, _ = extrapolated(-AGES[:, None] * velocity, noise, phase)
+        np.testing.assert_allclose(shift[:2], AGES[WINDOW] * velocity, rtol=0.01)
+
+
+def test_nothing_is_known_of_another_body() -> None:
+    shift, covariance = extrapolated(-AGES[:, None] * np.ones(2), np.full(4, 1e-4), body=3)
+    assert not shift.any()
+    assert not covariance.any()
