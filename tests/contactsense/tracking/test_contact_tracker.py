@@ -97,8 +97,8 @@ def _errors(estimates: list[Estimate], points: np.ndarray) -> np.ndarray:
 @pytest.mark.slow
 @pytest.mark.parametrize("speed", [0.0, 1.0])
 def test_a_held_contact_sharpens_with_the_root_of_time(localizer: Localizer, speed: float) -> None:
-    """From 0.2 to 3.2 s of holding the noise in the stated error falls by 4. At first it also allows for a slide
-    that is too slow to be seen. It is true; the arm may move."""
+    """From 0.2 to 3.2 s of holding the noise in the stated error falls by 4. At first it also allows for a
+    slide that is too slow to be seen. It is true; the arm may move."""
     early, late, stated_early, stated_late = [], [], [], []
     for seed in range(8):
         samples, points = _samples(START + 3.3, _held, seed, speed)
