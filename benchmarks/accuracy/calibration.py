@@ -318,4 +318,4 @@ def _print_reliability(statement: str, results: Sequence[Summary]) -> None:
 
 
 def _console() -> Console:
-    return Console(width=168)
+    return Console(width=176)

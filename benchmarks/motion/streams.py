@@ -10,6 +10,7 @@ import click
 import numpy as np
 
 from contactsense.benchmarks.truth_arms import file_of, name_of
+from contactsense.service.mock.measured_velocity import measured_velocity
 
 SUITES = ("motion", "probe")
 Kind = Literal["standstill", "slow", "fast"]
@@ -36,10 +37,6 @@ class Event:
     stop: int
     type: str
     """`hold`, `slide`, `impact`, or `press` (a simulated finger)."""
-
-
-MOVES = 1e-3
-"""Speed above which a joint moves [rad/s]."""
 
 
 @dataclass(frozen=True)
@@ -110,8 +107,8 @@ def redrawn(stream: Stream, draw: int) -> Stream:
 
 def with_velocity_noise(stream: Stream, deviation: float) -> Stream:
     """The same run with noise of that standard deviation [rad/s] in the velocities of joints that move."""
-    noise = np.random.default_rng((stream.run, len(stream.t))).standard_normal(stream.qd.shape)
-    return replace(stream, qd=stream.qd + deviation * noise * (np.abs(stream.qd) > MOVES))
+    chance = np.random.default_rng((stream.run, len(stream.t)))
+    return replace(stream, qd=measured_velocity(stream.qd, deviation, chance))
 
 
 def _runs(data: dict[str, np.ndarray], robot: str, suite: str) -> Iterator[Stream]:

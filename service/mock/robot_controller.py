@@ -14,6 +14,7 @@ import numpy as np
 
 from contactsense.service.mock.cell import Cell
 from contactsense.service.mock.contact_log import ContactLog
+from contactsense.service.mock.measured_velocity import measured_velocity
 from contactsense.service.mock.motion_generator import MotionGenerator
 from contactsense.service.mock.physics.arm_simulation import STEP, ArmSimulation
 from contactsense.service.mock.program_runner import ProgramRunner
@@ -293,7 +294,7 @@ class RobotController:
         return Reading(
             t=self.now,
             q=arm.q,
-            qd=self._measured_velocity(),
+            qd=measured_velocity(arm.qd, self.script.noise.joint_velocity, self._chance),
             target=arm.target,
             torque=cell.torque_sign * (torque + cell.torque_noise * noise[12 : 12 + joints]),
             model_torque=cell.torque_sign * (arm.model_torque + taken),
@@ -312,13 +313,6 @@ class RobotController:
             deviation=self.deviation,
             collision=self.collision,
         )
-
-    def _measured_velocity(self) -> np.ndarray:
-        noise = self.script.noise.joint_velocity
-        if noise == 0.0:
-            return self.arm.qd
-        qd = self.arm.qd
-        return np.asarray(qd + noise * self._chance.standard_normal(len(qd)) * (qd != 0.0))
 
 
 def _check_start(arm: ArmSimulation, script: Script, cell: Cell) -> None:

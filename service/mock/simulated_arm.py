@@ -6,6 +6,7 @@ import numpy as np
 
 from contactsense import robots
 from contactsense.robots import Robot
+from contactsense.service.mock.measured_velocity import measured_velocity
 from contactsense.service.mock.newton_euler import LinkLoad, inverse_dynamics, link_poses
 from contactsense.service.mock.script import Contact, Script, ScriptError, Trajectory
 from contactsense.service.mock.surface_check import check_contacts
@@ -100,8 +101,7 @@ def simulate(script: Script, robot: Robot | None = None) -> Motion:
     noise, chance = script.noise, np.random.default_rng(script.noise.seed)
     torque += noise.joint_torque * chance.standard_normal(torque.shape)
     wrench += chance.standard_normal(wrench.shape) * np.repeat([noise.base_force, noise.base_moment], 3)
-    if noise.joint_velocity > 0.0:
-        qd += noise.joint_velocity * chance.standard_normal(qd.shape) * (qd != 0.0)
+    qd = measured_velocity(qd, noise.joint_velocity, chance)
     for array in (t, q, qd, qdd, torque, wrench):
         array.setflags(write=False)
     return Motion(arm, script.rate, t, q, qd, qdd, torque, wrench, tuple(touches))

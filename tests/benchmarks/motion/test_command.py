@@ -10,7 +10,7 @@ from contactsense.benchmarks.accuracy.static_cases import COLUMNS
 from contactsense.benchmarks.motion.command import measure, scene_for
 from contactsense.benchmarks.motion.model_error import MASS_ERROR, friction, heavier
 from contactsense.benchmarks.motion.score import Score
-from contactsense.benchmarks.motion.streams import KINDS, Event, Stream, read
+from contactsense.benchmarks.motion.streams import KINDS, Event, Stream, read, with_velocity_noise
 from contactsense.calibration import FreeMotion
 from contactsense.calibration.calibration_model import CalibrationModel
 from contactsense.calibration.recording_residuals import residuals
@@ -45,6 +45,14 @@ def _estimates(answered: np.ndarray, link: int = 3) -> list[Estimate]:
                  np.zeros(6), np.zeros((6, 6)))
         for i, hit in enumerate(answered)
     ]  # fmt: skip
+
+
+def test_noise_of_the_velocities_is_that_of_joints_that_move() -> None:
+    stream = replace(_stream(), qd=np.tile([0.5, 0.0, 0.0, -0.1, 0.0, 0.0], (N, 1)))
+    noise = with_velocity_noise(stream, 0.001).qd - stream.qd
+    assert noise[:, [0, 3]].std() == pytest.approx(0.001, rel=0.1)
+    assert not noise[:, [1, 2, 4, 5]].any()
+    assert with_velocity_noise(stream, 0.0).qd is stream.qd
 
 
 def test_what_is_found_missed_and_late() -> None:

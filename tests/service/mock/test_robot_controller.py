@@ -53,6 +53,18 @@ def test_the_state_of_a_time_is_the_same_whoever_asks_when():
     np.testing.assert_array_equal(asked, [second.at(t).base for t in (0.5, 0.7, 0.6)])
 
 
+def test_velocities_of_joints_that_move_have_noise():
+    exact, noisy = robot(), robot(noise={"joint_velocity": 0.001, "seed": 4})
+    moving, resting = [], []
+    for k in range(150, 1000):
+        error = noisy.at(k / 500.0).qd - exact.at(k / 500.0).qd
+        moving.append(error[0])
+        resting.append(error[1:])
+    assert np.std(moving) == pytest.approx(0.001, rel=0.1)
+    assert not np.any(resting)
+    assert noisy.at(2.6).qd == pytest.approx(exact.at(2.6).qd)
+
+
 @pytest.mark.slow
 def test_the_speed_slider():
     live = robot()

@@ -161,3 +161,13 @@ def test_an_unknown_link_is_told_the_names() -> None:
         ScriptError, match=r"contacts\[0\].link: expected one of link_0, link_1, .*got 'elbow'"
     ):
         simulate(script(contact.model_dump()), ARM)
+
+
+def test_velocities_of_joints_that_move_have_noise_and_nothing_else_changes() -> None:
+    exact, noisy = simulate(script(), ARM), simulate(script(noise={"joint_velocity": 0.002}), ARM)
+    error = noisy.qd - exact.qd
+    moves = np.abs(exact.qd) > 1e-3
+    assert np.std(error[moves]) == pytest.approx(0.002, rel=0.1)
+    assert not error[~moves].any()
+    for name in ("q", "qdd", "joint_torque", "base_wrench"):
+        np.testing.assert_array_equal(getattr(noisy, name), getattr(exact, name))
