@@ -33,7 +33,7 @@ from contactsense.calibration.recording_residuals import (
 from contactsense.calibration.result import Calibration, Value, residual_statistics, scene_of
 from contactsense.calibration.torque_signal_meaning import compare_meanings, setting_warnings
 from contactsense.calibration.trimmed_fit import trimmed_fit
-from contactsense.kinematics.wrench_transform import wrench_transform
+from contactsense.calibration.wrench_noise import wrench_noise, wrench_residuals
 from contactsense.residuals.momentum_observer import noise_variance_ratio
 from contactsense.scene import Scene
 from contactsense.sensors.settings import CURRENTS
@@ -319,13 +319,11 @@ def _noise(
     wrenches = {}
     for number, field in enumerate(("base_wrench", *arm.scene.link_sensors)):
         first = joints + 6 * number
-        own = [r[:, first : first + 6] for s, _, r in parts if field in s.readings]
+        own = [
+            wrench_residuals(arm, s, rows, r[:, first : first + 6], field, bandwidth)
+            for s, rows, r in parts
+            if field in s.readings
+        ]
         if own:
-            about_sensor = np.vstack(own)
-            if arm.scene.base_wrench is not None and field == "base_wrench":
-                # The residual is about the base origin; the sensor's noise about its own.
-                place = np.array(arm.scene.base_wrench.translation) + arm.shift
-                about_sensor = about_sensor @ np.linalg.inv(wrench_transform(np.eye(3), place)).T
-            rms = np.sqrt(np.mean(about_sensor**2, axis=0) / variance_ratio)
-            wrenches[field] = (float(np.max(rms[:3])), float(np.max(rms[3:])))
+            wrenches[field] = wrench_noise(own, variance_ratio)
     return noise_levels, wrenches

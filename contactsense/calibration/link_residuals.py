@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from contactsense.calibration.calibration_model import CalibrationModel, on_time
 from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.parameters import Entry
-from contactsense.calibration.recording_residuals import residuals, settled_samples
+from contactsense.calibration.recording_residuals import residuals, settled_samples, velocity_covariance
 from contactsense.calibration.residual_jacobian import Rows, difference, inertial_columns
 from contactsense.kinematics.inverse_dynamics import inverse_dynamics
 from contactsense.kinematics.model import empty_motion
@@ -72,6 +72,19 @@ def link_residuals(arm: CalibrationModel, recording: FreeMotion, field: str, ban
     )
     found = residuals(_carried(arm, mount), part, bandwidth)[:, recording.q.shape[1] :]
     return _stated(link, mount).from_base(found)
+
+
+def link_velocity_variance(
+    arm: CalibrationModel, recording: FreeMotion, field: str, bandwidth: float
+) -> np.ndarray:
+    """Variance of `link_residuals` due to velocities and instants of the samples, shape (N, 6) [N^2, Nm^2];
+    arguments as there."""
+    _, mount, sensor = _of(arm.scene, field)
+    covariance = velocity_covariance(_carried(arm, mount), recording, sensor, bandwidth)
+    stated = _stated(_Poses.of(arm.scene, recording.q, mount), mount)
+    # T C T^T, one side after the other.
+    turned = stated.from_base(stated.from_base(covariance).transpose(0, 2, 1))
+    return np.diagonal(turned, axis1=1, axis2=2)
 
 
 def link_readings(

@@ -14,9 +14,11 @@ from contactsense.residuals.inertia_torque import InertiaTorque, follow_inertia_
 from contactsense.residuals.joint_friction import JointTorqueModel, friction_torque
 from contactsense.residuals.momentum_observer import MomentumObserver, empty_observer
 from contactsense.residuals.timing_error import TimingError, advance_timing_error
+from contactsense.residuals.wrench_timing_error import WrenchTimingError, advance_wrench_timing_error
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.robots.jit.kernel import kernel
+from contactsense.sensors.settings import WrenchSensor
 
 GAP = 0.05
 """After a longer gap between two samples the observer restarts [s]."""
@@ -163,6 +165,43 @@ def timing_variance_and_inertia_torque(
         zeros(TimingError, joints=n), zeros(InertiaTorque, joints=n), out,
     )  # fmt: skip
     return out[0], out[1]
+
+
+@kernel
+def _follow_base_momentum(
+    arm: Dynamics,
+    joints: JointMotion,
+    variances: tuple[float, float],
+    bandwidth: float,
+    timing_error: WrenchTimingError,
+    out: np.ndarray,
+) -> None:
+    motion = arm.motion
+    for i in range(joints.t.shape[0]):
+        kinematics_and_momenta(arm.model, joints.q[i], joints.qd[i], arm.gravity, motion)
+        dt = time_step(joints.t, i)
+        advance_wrench_timing_error(timing_error, motion.momentum[0], variances, dt, bandwidth)
+        for k in range(6):
+            copy(timing_error.covariance[k], out[i, k])
+
+
+def velocity_covariance(
+    arm: CalibrationModel, recording: FreeMotion, sensor: WrenchSensor, bandwidth: float
+) -> np.ndarray:
+    """What a stream knows of the errors of the residual of a force/torque sensor that carries the whole arm,
+    due to velocities and instants of the samples (`contactsense.residuals.wrench_timing_error`).
+
+    Returns:
+        Covariance at every sample, base axes, about the base origin, shape (N, 6, 6) [N^2, N Nm, Nm^2].
+    """
+    n = recording.q.shape[1]
+    out = np.empty((len(recording.t), 6, 6))
+    _follow_base_momentum(
+        Dynamics(arm.model, arm.torque_model, arm.gravity, empty_motion(n)),
+        JointMotion(recording.t, recording.q, recording.qd),
+        (sensor.force_noise**2, sensor.moment_noise**2), bandwidth, zeros(WrenchTimingError), out,
+    )  # fmt: skip
+    return out
 
 
 def settled_samples(recording: FreeMotion, bandwidth: float) -> int:
