@@ -84,9 +84,11 @@ def summaries(streams: Sequence[Stream], noise: Noise, wrong: bool, draws: int =
     """Process all streams of one arm; one summary of the answers at each age, slides apart."""
     localizer = Localizer(scene_for(streams[0], noise, wrong))
     rows = {
-        f"{age:g} s{suffix}": (age, slides) for slides, suffix in enumerate(("", ", slide")) for age in AGES
+        f"{age:g} s{suffix}": (age, slides)
+        for slides, suffix in ((False, ""), (True, ", slide"))
+        for age in AGES
     }
-    verdicts: dict[tuple[float, int], list[Verdict | None]] = {row: [] for row in rows.values()}
+    verdicts: dict[tuple[float, bool], list[Verdict | None]] = {row: [] for row in rows.values()}
     for stream in streams:
         for draw in range(draws if any(noise) else 1):
             drawn = redrawn(stream, draw)
@@ -106,6 +108,6 @@ def summaries(streams: Sequence[Stream], noise: Noise, wrong: bool, draws: int =
     return found
 
 
-def _slides(stream: Stream, sample: int) -> int:
-    """1 if the contact of a sample slides, else 0."""
-    return int(any(event.type == "slide" and event.start <= sample < event.stop for event in stream.events))
+def _slides(stream: Stream, sample: int) -> bool:
+    """Whether the contact of a sample slides."""
+    return any(event.type == "slide" and event.start <= sample < event.stop for event in stream.events)

@@ -122,9 +122,10 @@ def _fill_covariances(constants: Constants, state: State, variance_ratio: float)
         state.torque_variance[j] = (
             _torque_noise(constants, state, j, variance_ratio) + bias_filter.torque_variance[j]
         )
-    # In an average the error of the instants, which decays as the residual does, has the share of low-passed
-    # noise.
-    share = variance_ratio / _residual_ratio(state)
+    # In an average the errors due to velocities, which decay as the residual does, have the share of
+    # low-passed noise.
+    residual_ratio = _residual_ratio(state)
+    share = variance_ratio / residual_ratio
     for s in range(state.link_variance.shape[0]):
         for i in range(6):
             noise = sensors.link_variance[s, i // 3] * variance_ratio
@@ -132,7 +133,7 @@ def _fill_covariances(constants: Constants, state: State, variance_ratio: float)
                 state.link_timing_error.covariance[s], component_about(state.link_origin[s], i)
             )
             state.link_variance[s, i] = noise + state.link_mass_variance[s, i] + share * timing
-    inverse_ratio, inverse_residual_ratio = 1.0 / variance_ratio, 1.0 / _residual_ratio(state)
+    inverse_ratio, inverse_residual_ratio = 1.0 / variance_ratio, 1.0 / residual_ratio
     noise_scale = state.noise_scale.noise[BASE].scale
     for i in range(6):
         for k in range(6):

@@ -75,8 +75,8 @@ class State(NamedTuple):
     unbiased_wrench: Annotated[Floats, "6"]
     """Scratch: base wrench minus its bias [N, Nm]."""
     base_noise: Annotated[Floats, "6, 6"]
-    """Covariance of the noise of one sample of the base wrench that would have the effect which the noise of
-    sensor and velocities has."""
+    """Covariance of white noise of the base wrench that would add as much to its residual as the noise of the
+    sensor and the errors of the velocities together [N^2, N Nm, Nm^2]."""
     base_covariance: Annotated[Floats, "6, 6"]
     """Covariance of `base_wrench` from noise and model, divided by the residuals' variance ratio."""
     base_information: Annotated[Floats, "6, 6"]
