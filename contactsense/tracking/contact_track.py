@@ -53,7 +53,7 @@ class Window:
     residual_covariance: float
     """Covariance of its mean with the newest residual, in the same unit."""
     age: float
-    """Mean age of its content, the observer's lag included [s]."""
+    """Mean age of its content, weighted by the base sensor's force, the observer's lag included [s]."""
     x: float
     """Position along the first tangent from the last point [m]."""
     y: float

@@ -1,17 +1,21 @@
 """Where a contact is now that may slide: the mean over a window lags behind it.
 
-The place of each window is where the contact was at the mean age of its content. Two windows whose ages
-differ by A and whose places by d thus measure a constant velocity v = d / A, with the variance u / A^2 along
-each tangent, u being that of d. Beforehand, the contact holds its place with probability 1 - p, or slides
-with a velocity whose components are normally distributed about zero with variance s. With r = s A^2 / u,
+The place x of a window is where the contact was at the mean age a of its content, both weighted by force. The
+means over nested windows share their noise: what is newer in the shorter one of two is independent of the
+longer one. With F the normal force and V the variance of the moment of a window's mean, each window i and the
+next longer one j thus give an independent measurement of the place p now and of a constant velocity v,
 
-    odds of sliding:   p / (1 - p) * exp(1/2 |d|^2 / u * r / (1 + r)) / (1 + r),
-    if it slides:      v = d / A * r / (1 + r), with the variance s / (1 + r).
+    F_i x_i - F_j x_j = (F_i - F_j) p - (F_i a_i - F_j a_j) v,    of variance V_i - V_j,
 
-The place moves by the age of its window times the mean of v over both cases, and that age squared times the
-variance of v adds to its covariance. So the region of a contact that may slide unnoticed contains where it
-may be, and that of one which has long held its place is hardly wider. Of all pairs with the window in use,
-the one that measures the velocity best counts.
+the longest one alone with F_j = V_j = 0. Beforehand, the contact holds its place with probability 1 - q, or
+slides with a velocity whose components are normally distributed about zero with variance s. With L the
+inverse variance of v, prior included, the odds of sliding are
+
+    q / (1 - q) * exp(1/2 L |v|^2) / (s L).
+
+The place moves by what this regression finds, times the probability that the contact slides. The variance
+that the regression leaves and that between both cases add to its covariance. So the region of a contact that
+may slide unnoticed contains where it may be, and that of one which has long held its place is hardly wider.
 """
 
 import math
@@ -36,14 +40,14 @@ _MAX_LOG_ODDS = 50.0
 """Bound that keeps the exponential finite."""
 
 
-class _Velocity(NamedTuple):
-    """Velocity along the tangents, if the contact slides."""
+class _Slide(NamedTuple):
+    """Where the contact is now if it slides, from the place of the window in use."""
 
     x: float
     y: float
-    """Mean [m/s]."""
+    """Shift along the tangents [m]."""
     variance: float
-    """Variance of each component [m^2/s^2]."""
+    """What its variance exceeds that of the window's place by [m^2]."""
     probability: float
     """That it slides."""
 
@@ -70,19 +74,19 @@ def extrapolate_sliding(
     status = track.status[0]
     if status.last_body != body or not track.windows[status.window].normal_force < 0.0:
         return
-    velocity, R = _velocity(track), motion.rotation[body]
-    age, probability = track.windows[status.window].age, velocity.probability
+    slide, R = _regress(track), motion.rotation[body]
+    probability = slide.probability
     normal = vector(track.last_normal)
     t1, t2 = tangents(normal)
-    step = scale(age * probability, add(scale(velocity.x, t1), scale(velocity.y, t2)))
+    step = scale(probability, add(scale(slide.x, t1), scale(slide.y, t2)))
     if dot(step, step) < _MAX_SHIFT * _MAX_SHIFT:
         step_base = rotate(R, step)
         for k in range(3):
             point[k] += step[k]
             point_base[k] += step_base[k]
     # Of the mixture of holding and sliding.
-    between = 0.5 * (1.0 - probability) * (velocity.x * velocity.x + velocity.y * velocity.y)
-    variance = age * age * probability * (velocity.variance + between)
+    between = 0.5 * (1.0 - probability) * (slide.x * slide.x + slide.y * slide.y)
+    variance = probability * (slide.variance + between)
     n = rotate(R, normal)
     for i in range(3):
         covariance[i, i] += variance
@@ -91,30 +95,41 @@ def extrapolate_sliding(
 
 
 @kernel
-def _velocity(track: ContactTrack) -> _Velocity:
-    """What the windows tell of the velocity."""
-    status, prior = track.status[0], _SPEED * _SPEED
+def _regress(track: ContactTrack) -> _Slide:
+    """Place and velocity by weighted least squares from the windows."""
+    status, noise = track.status[0], 0.5 * (track.moment_covariance[0] + track.moment_covariance[2])
     used, slides = track.windows[status.window], status.phase == SLIDE
-    slid = 1.0 if slides else _PROBABILITY
-    found = _Velocity(0.0, 0.0, prior, slid)
+    # Sums of the normal equations for p and v, with places relative to that of the window in use.
+    pp, pv, vv, px, py, vx, vy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    # Of the next longer window: variance, normal force, and age and place times that force.
+    longer_variance, longer_force, longer_age, longer_x, longer_y = 0.0, 0.0, 0.0, 0.0, 0.0
     # A longer window than the one in use may reach back to before the slide; the next one is near enough.
-    for i in range(min(status.window + 2, WINDOWS) if slides else status.window):
-        other = track.windows[i]
-        apart = used.age - other.age
-        if apart == 0.0 or not other.normal_force < 0.0:
+    for i in range(min(status.window + 1, WINDOWS - 1) if slides else status.window, -1, -1):
+        window = track.windows[i]
+        F = window.normal_force
+        if not F < 0.0 or (longer_force < 0.0 and not window.variance_ratio > longer_variance):
             continue
-        # Of two windows of which one contains the other.
-        first, second = other.noise_to_force, used.noise_to_force
-        noise = max(abs(first - second), min(first, second))
-        noise *= 0.5 * (track.moment_covariance[0] + track.moment_covariance[2])
-        noise += POSITION_TOLERANCE * POSITION_TOLERANCE
-        ratio = prior * apart * apart / noise
-        if prior / (1.0 + ratio) < found.variance:
-            x, y = other.x - used.x, other.y - used.y
-            share = ratio / (1.0 + ratio)
-            log_odds = min(0.5 * (x * x + y * y) / noise * share, _MAX_LOG_ODDS)
-            odds = slid * math.exp(log_odds) / (1.0 + ratio)
-            found = _Velocity(
-                share * x / apart, share * y / apart, prior / (1.0 + ratio), odds / (odds + 1.0 - slid)
-            )
-    return found
+        age, x, y = F * window.age, F * (window.x - used.x), F * (window.y - used.y)
+        weight = 1.0 / ((window.variance_ratio - longer_variance) * noise + (POSITION_TOLERANCE * F) ** 2)
+        of_place, of_velocity = F - longer_force, longer_age - age
+        pp += weight * of_place * of_place
+        pv += weight * of_place * of_velocity
+        vv += weight * of_velocity * of_velocity
+        px += weight * of_place * (x - longer_x)
+        py += weight * of_place * (y - longer_y)
+        vx += weight * of_velocity * (x - longer_x)
+        vy += weight * of_velocity * (y - longer_y)
+        longer_variance, longer_force = window.variance_ratio, F
+        longer_age, longer_x, longer_y = age, x, y
+    information = max(vv - pv * pv / pp, 0.0) + 1.0 / (_SPEED * _SPEED)
+    velocity_x, velocity_y = (vx - pv * px / pp) / information, (vy - pv * py / pp) / information
+    log_odds = 0.5 * information * (velocity_x * velocity_x + velocity_y * velocity_y)
+    odds = _PROBABILITY * math.exp(min(log_odds, _MAX_LOG_ODDS)) / (_SPEED * _SPEED * information)
+    of_window = used.noise_to_force * noise + POSITION_TOLERANCE * POSITION_TOLERANCE
+    variance = 1.0 / pp + (pv / pp) ** 2 / information - of_window
+    return _Slide(
+        (px - pv * velocity_x) / pp,
+        (py - pv * velocity_y) / pp,
+        max(variance, 0.0),
+        1.0 if slides else odds / (odds + 1.0 - _PROBABILITY),
+    )

@@ -2,10 +2,13 @@
 
 import math
 
+import numpy as np
+
 from contactsense.residuals.observers import Observers, concatenate_residuals
 from contactsense.residuals.residual_ewma import ResidualEwma, average_noise
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.vectors import norm, vector
 from contactsense.tracking.contact_track import NONE, WINDOWS, ContactTrack
 
 WINDOW_GROWTH = 3.0
@@ -79,9 +82,17 @@ def average_windows(
             weight = max(weight, min(dt / length, 1.0))
             length *= WINDOW_GROWTH
         mean = track.mean[i]
+        old_share = _share_of_old(mean, residual, weight)
         for k in range(residual.shape[0]):
             mean[k] += weight * (residual[k] - mean[k])
         window.variance_ratio, window.residual_covariance = average_noise(
             window.variance_ratio, window.residual_covariance, variance_ratio, weight, decay
         )
-        window.age = (1.0 - weight) * (window.age + dt) + weight * newest.age
+        window.age = old_share * (window.age + dt) + (1.0 - old_share) * newest.age
+
+
+@kernel
+def _share_of_old(mean: np.ndarray, residual: np.ndarray, weight: float) -> float:
+    """What the content of a window has of its force after the newest residual is added with that weight."""
+    old, new = (1.0 - weight) * norm(vector(mean)), weight * norm(vector(residual))
+    return old / (old + new) if old + new > 0.0 else 1.0 - weight

@@ -43,10 +43,18 @@ def test_a_sliding_contact_has_no_lag(way: np.ndarray) -> None:
 WINDOW = 3
 AGES = np.array([0.016, 0.03, 0.05, 0.09])
 """Mean age of the windows [s]; the last one is in use."""
+FORCES = np.full(4, -20.0)
+"""Their mean normal force [N]."""
 
 
 def extrapolated(
-    place: np.ndarray, noise: np.ndarray, phase: int = HOLD, body: int = 0, ages: np.ndarray = AGES
+    place: np.ndarray,
+    noise: np.ndarray,
+    phase: int = HOLD,
+    body: int = 0,
+    ages: np.ndarray = AGES,
+    forces: np.ndarray = FORCES,
+    in_use: int = WINDOW,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Shift and added covariance of a contact on the base, whose normal is z.
 
@@ -56,45 +64,66 @@ def extrapolated(
         phase: Of the contact.
         body: That of the candidate.
         ages: Mean age of each window [s].
+        forces: Mean normal force of each window [N].
+        in_use: Index of the window in use.
     """
     track, motion = zeros(ContactTrack, joints=6, link_sensors=0, links=7), empty_motion(6)
     motion.rotation[:] = np.eye(3)
     status = track.status[0]
-    status.window, status.phase, status.last_body = WINDOW, phase, 0
+    status.window, status.phase, status.last_body = in_use, phase, 0
     track.last_normal[:] = 0.0, 0.0, 1.0
     track.moment_covariance[:] = 1.0, 0.0, 1.0
     for i in range(len(AGES)):
         window = track.windows[i]
-        window.age, window.normal_force = ages[i], -20.0
+        window.age, window.normal_force = ages[i], forces[i]
         (window.x, window.y), window.noise_to_force = place[i], noise[i] ** 2
+        window.variance_ratio = (noise[i] * forces[i]) ** 2
     point, base, covariance = np.zeros(3), np.zeros(3), np.zeros((3, 3))
     extrapolate_sliding(track, motion, body, point, base, covariance)
     np.testing.assert_array_equal(point, base)
     return point, covariance
 
 
-def test_a_contact_that_may_slide_is_where_it_is_said_to_be() -> None:
-    """Half of the contacts hold their place, the others slide as is assumed beforehand: the errors have the
-    stated variance, and are smaller than those of the window. The normal has no share in it."""
-    chance = np.random.default_rng(0)
-    lengths = np.array([1.0, 3.0, 9.0, 27.0])
-    noise = 0.002 / np.sqrt(lengths)
+LENGTHS = np.array([1.0, 3.0, 9.0, 27.0])
+"""Of the windows; each contains the shorter ones."""
+
+
+def means_over_windows(chance: np.random.Generator, forces: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+    """Place of each window, of a contact that is now at the origin, shape (4, 2) [m].
+
+    Args:
+        chance: Random numbers.
+        forces: Mean normal force of each window [N].
+        velocity: Of the contact, shape (2,) [m/s].
+    """
+    added = np.diff(LENGTHS, prepend=0.0)[:, None]
+    # The noise of the moment is that of 2 mm at 20 N in the shortest window.
+    moments = np.cumsum(np.sqrt(added) * chance.normal(0.0, 0.04, (4, 2)), axis=0) / LENGTHS[:, None]
+    return moments / forces[:, None] - AGES[:, None] * velocity
+
+
+@pytest.mark.parametrize("phase", [HOLD, SLIDING])
+@pytest.mark.parametrize("rises", [False, True])
+def test_a_contact_that_may_slide_is_where_it_is_said_to_be(phase: int, rises: bool) -> None:
+    """Half of the contacts hold their place, or none of those in the phase `SLIDE`; the others slide as is
+    assumed beforehand: the errors have the stated variance, also while the force rises, and are smaller than
+    those of the window. The normal has no share in it."""
+    chance, in_use = np.random.default_rng(0), WINDOW if phase == HOLD else WINDOW - 1
+    forces = np.array([-28.0, -26.0, -22.0, -14.0]) if rises else FORCES
+    noise = 0.04 / np.sqrt(LENGTHS) / -forces
     errors, stated, before = [], [], []
     for _ in range(4000):
-        velocity = chance.normal(0.0, 0.03, 2) * (chance.random() < 0.5)
-        # Each window contains the shorter ones.
-        parts = chance.normal(0.0, 0.002, (4, 2)) / np.sqrt(np.diff(lengths, prepend=0.0))[:, None]
-        weights = np.diff(lengths, prepend=0.0)[:, None]
-        means = np.cumsum(weights * parts, axis=0) / lengths[:, None]
-        shift, covariance = extrapolated(means - AGES[:, None] * velocity, noise)
-        error = (means - AGES[:, None] * velocity)[WINDOW] + shift[:2]
+        velocity = chance.normal(0.0, 0.03, 2) * (phase == SLIDING or chance.random() < 0.5)
+        places = means_over_windows(chance, forces, velocity)
+        shift, covariance = extrapolated(places, noise, phase, forces=forces, in_use=in_use)
+        error = places[in_use] + shift[:2]
         assert shift[2] == 0.0
         assert not covariance[2].any()
         errors.append(error @ error)
-        stated.append(np.trace(covariance) + 2.0 * noise[WINDOW] ** 2)
-        before.append(((means - AGES[:, None] * velocity)[WINDOW] ** 2).sum())
-    assert np.mean(errors) < 0.5 * np.mean(before)
-    assert 0.8 < np.mean(errors) / np.mean(stated) < 1.2
+        stated.append(np.trace(covariance) + 2.0 * noise[in_use] ** 2)
+        before.append((places[in_use] ** 2).sum())
+    assert np.mean(errors) < 0.8 * np.mean(before)
+    assert 0.85 < np.mean(errors) / np.mean(stated) < 1.1
 
 
 def test_one_that_has_long_held_its_place_is_as_certain_as_before() -> None:
@@ -105,7 +134,7 @@ def test_one_that_has_long_held_its_place_is_as_certain_as_before() -> None:
 
 
 def test_one_whose_windows_agree_with_a_velocity_is_moved_by_all_of_it() -> None:
-    noise, velocity = np.full(4, 1e-4), np.array([0.03, -0.02])
+    noise, velocity = 1e-4 / np.sqrt(LENGTHS), np.array([0.03, -0.02])
     for phase in (HOLD, SLIDING):
         shift, _ = extrapolated(-AGES[:, None] * velocity, noise, phase)
         np.testing.assert_allclose(shift[:2], AGES[WINDOW] * velocity, rtol=0.01)
