@@ -12,6 +12,8 @@ from collections.abc import Iterator
 from datetime import date
 from pathlib import Path
 
+import click
+
 from contactsense.benchmarks.results.kept_output import ROOT, printed_by, source_version
 from contactsense.benchmarks.results.plain_table import without_frame
 from contactsense.benchmarks.results.sections import DRAW, MAKE, MAKE_PAIRS, PAGES, PICTURE, Page
@@ -45,8 +47,10 @@ def _lines(page: Page, version: str) -> Iterator[str]:
         yield f"{PICTURE}\n" if section.command == DRAW else f"```\n{lines}\n```\n"
 
 
+@click.command()
 def main() -> None:
-    """Make the ground truth, run the commands of all sections, and write the pages."""
+    """Make the ground truth, run the commands of all sections, and write the pages of results with what they
+    print, machine and date. An interrupted run goes on where it was."""
     for command in (MAKE, MAKE_PAIRS):
         subprocess.run(shlex.split(command), cwd=ROOT, check=True)
     version = source_version(ROOT)

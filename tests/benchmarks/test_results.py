@@ -7,9 +7,11 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 from rich.console import Console
 from rich.table import Table
 
+from contactsense.benchmarks.results.__main__ import main
 from contactsense.benchmarks.results.kept_output import printed_by, source_version
 from contactsense.benchmarks.results.plain_table import without_frame
 from contactsense.benchmarks.results.sections import PAGES, Page
@@ -93,3 +95,11 @@ def test_the_version_changes_with_the_source_but_not_with_docs(tmp_path: Path) -
         (tmp_path / name).write_text("1")
         subprocess.run(["git", "add", name], cwd=tmp_path, check=True)
         assert (source_version(tmp_path) == first) == same
+
+
+@pytest.mark.parametrize("argument", ["--help", "--only"])
+def test_a_word_too_many_runs_nothing(argument: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(subprocess, "run", lambda *_, **__: pytest.fail("a command ran"))
+    result = CliRunner().invoke(main, [argument])
+    assert result.exit_code == (0 if argument == "--help" else 2)
+    assert "Usage:" in result.output
