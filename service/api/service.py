@@ -240,7 +240,8 @@ class Service:
         await self.webhooks.replace(self.reactions.webhooks)
         self.runner.restart(scene, source, self._listeners())
         self._locate.restart(scene)
-        log.info("reload: the pipeline is being restarted with the new scene")
+        restarted = "" if source is None else "; the pipeline is being restarted with it"
+        log.info("reload: the new scene is in use%s", restarted)
         self.reloaded = messages.ReloadHealth(time=at, ok=True, message="")
 
     async def locate(

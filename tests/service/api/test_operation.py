@@ -94,6 +94,22 @@ def test_a_reload_takes_a_good_scene_and_leaves_a_bad_one(tmp_path: Path) -> Non
     assert service.health().reload == service.reloaded
 
 
+@pytest.mark.parametrize("pipeline", [False, True])
+def test_a_reload_tells_of_a_restart_only_where_a_pipeline_runs(
+    pipeline: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    service = create_app(Settings(), fakes.Mute if pipeline else None).state.service
+
+    async def reload() -> None:
+        async with service.running():
+            await service.reload()
+
+    with caplog.at_level(logging.INFO, logger="contactsense"):
+        asyncio.run(reload())
+    (line,) = [text for text in caplog.messages if text.startswith("reload: ")]
+    assert ("the pipeline is being restarted" in line) == pipeline
+
+
 def test_reloads_at_the_same_time_leave_one_delivery_of_each_webhook(tmp_path: Path) -> None:
     path = tmp_path / "scene.yaml"
     path.write_text("robot: ur5e\n")
