@@ -7,6 +7,8 @@ import pytest
 
 from contactsense import Estimate, JointTorqueSensor, Localizer, Sample, Scene, WrenchSensor
 from contactsense.benchmarks.multi_contact.measure import match
+from contactsense.multi_contact import further_contact_test
+from contactsense.multi_contact.hypothesis_test import SEARCH_INTERVAL
 from tests.contactsense.multi_contact.streams import Push, stream
 from tests.plain_arm import plain_ur5e
 from tests.shared import truth
@@ -101,6 +103,30 @@ def test_contacts_that_nothing_explains_any_more_are_released(
     after = localizer.step(replace(samples[-1], t=samples[-1].t + 0.002))
     assert after.status != "multiple"
     assert [(event.kind, event.contact) for event in after.events] == [("release", 2)]
+
+
+def test_after_a_search_that_left_one_contact_the_next_test_keeps_its_time(
+    localizer: Localizer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A test takes as long as a search: both at once would make a sample late."""
+    localizer.reset()
+    samples = [sample for sample, _ in stream(SCENE, [FOREARM, UPPER_ARM], 1.1, NOISE, 3, 0.0)]
+    for sample in samples:
+        localizer.step(sample)
+    tracker, begun = localizer._multi_tracker, []
+    assert tracker is not None
+    monkeypatch.setattr(further_contact_test, "candidate_hypotheses", lambda *_: begun.append(t) or [])
+    monkeypatch.setattr(tracker._filter, "evaluate", lambda present: [])
+    t = left = samples[-1].t + 1.0
+    for _ in range(20):
+        estimate, number, _ = tracker.step(t, (True, True, 0), 1, True, "")
+        assert (estimate, number) == (None, 1)
+        t += 0.002
+    wait = SEARCH_INTERVAL / (2.0 * np.pi * SCENE.bandwidth)
+    assert wait > 2 * 0.002
+    assert begun
+    assert begun[0] == pytest.approx(left + wait, abs=0.0021)
+    assert begun[0] >= left + wait - 1e-9
 
 
 def test_the_first_contact_can_be_released_first(localizer: Localizer) -> None:

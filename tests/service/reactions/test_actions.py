@@ -4,6 +4,7 @@ import base64
 import http.server
 import json
 import os
+import signal
 import socket
 import sys
 import threading
@@ -15,6 +16,7 @@ from typing import Any
 
 import pytest
 
+from contactsense.service.reactions.actions import ur_rtde_stop
 from contactsense.service.reactions.actions.base import ActionError
 from contactsense.service.reactions.actions.command import CommandAction
 from contactsense.service.reactions.actions.dashboard import DashboardAction
@@ -231,6 +233,41 @@ def test_ur_rtde_in_a_child(
                 action.perform(TOLD, HOST)
     finally:
         action.close()
+
+
+def test_ur_rtde_disconnects_before_its_child_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without being killed: the robot is told. A second close has nothing to do."""
+    told = tmp_path / "told"
+    (tmp_path / "rtde_control.py").write_text(
+        FAKE_UR_RTDE + f"    def __del__(self):\n        open({str(told)!r}, 'w').close()\n"
+    )
+    monkeypatch.setenv("FAKE", "")
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), *sys.path]))
+    monkeypatch.setattr(ur_rtde_stop, "_END", 30.0)  # a busy computer ends a process slowly
+    action = UrRtdeStopAction(type="ur_rtde_stop", timeout=60.0)
+    action.prepare(HOST)
+    assert not told.exists()
+    child = action._child
+    assert child is not None
+    assert child.poll() is None
+    action.close()
+    assert child.returncode == 0
+    assert told.exists()
+    action.close()
+
+
+def test_ur_rtde_that_does_not_end_is_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "rtde_control.py").write_text(
+        FAKE_UR_RTDE + "    def __del__(self):\n        time.sleep(60)\n"
+    )
+    monkeypatch.setenv("FAKE", "")
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), *sys.path]))
+    action = UrRtdeStopAction(type="ur_rtde_stop", timeout=60.0)
+    action.prepare(HOST)
+    child = action._child
+    assert child is not None
+    action.close()
+    assert child.returncode == -signal.SIGKILL
 
 
 def test_the_signature_is_that_of_standard_webhooks() -> None:
