@@ -156,8 +156,8 @@ def scene_of(robot: str, noise: Noise, sensors: str) -> Scene:
 
 
 def random_postures(scene: Scene, count: int, rng: np.random.Generator) -> Iterator[np.ndarray]:
-    """Joint positions within the limits, at most half a turn [rad]."""
-    low, high = np.clip(np.array([j.position_limits for j in scene.robot.joints]).T, -np.pi, np.pi)
+    """Joint positions within the limits, at most one turn [rad]."""
+    low, high = np.array([joint.range_within_turn for joint in scene.robot.joints]).T
     for _ in range(count):
         yield rng.uniform(low, high)
 

@@ -82,8 +82,7 @@ class Toucher:
         self._directions = self._rng.normal(size=(_RAYS, 3))
         self._directions /= np.linalg.norm(self._directions, axis=1, keepdims=True)
         self._coarse = spread(self._surfaces, _APART)
-        limits = np.array([joint.position_limits for joint in scene.robot.joints])
-        self._limits = np.clip(limits, -np.pi, np.pi)
+        self._limits = np.array([joint.range_within_turn for joint in scene.robot.joints])
 
     def draw(self, count: int, contacts: int = 1, force: float = 20.0, even: bool = False) -> Touches:
         """Postures free of collision, each touched at `contacts` different links.
