@@ -58,6 +58,10 @@ class _Guard:
         self.transport.abort()
 
 
+class _HeadTooLargeError(Exception):
+    """Ends the parser's work on a request that is refused."""
+
+
 class LimitedHttp(_Guard, HttpToolsProtocol):
     """HTTP/1.1 with limits; see `http_protocol`."""
 
@@ -99,11 +103,21 @@ class LimitedHttp(_Guard, HttpToolsProtocol):
             self._head_size += len(data)
         super().data_received(data)
         if self._head is not None and self._head_size > self.limits.head_size:
-            self.limits.late += 1
-            self._answer(b"431 Request Header Fields Too Large", b"the head of the request is too large")
+            self._too_large()
 
     def on_headers_complete(self) -> None:
-        """The head is complete: stop its timer."""
+        """The head is complete: stop its timer.
+
+        Raises:
+            _HeadTooLargeError: It is too large, though it came whole in one piece.
+        """
+        # A field has a colon and a line break beside name and value.
+        if (
+            len(self.url) + sum(len(name) + len(value) + 3 for name, value in self.headers)
+            > self.limits.head_size
+        ):
+            self._too_large()
+            raise _HeadTooLargeError
         self._head_has_come()
         self.limits.waiting.pop(self, None)
         self._in_body = True
@@ -120,6 +134,11 @@ class LimitedHttp(_Guard, HttpToolsProtocol):
         super().on_response_complete()
         if idle:
             self.limits.waiting[self] = None
+
+    def send_400_response(self, msg: str) -> None:
+        """What arrived is no HTTP: an answer in the form of all others, if there has been none yet."""
+        if not self._answered:
+            self._answer(b"400 Bad Request", b"expected a request of HTTP/1.1, got other bytes")
 
     def pause_writing(self) -> None:
         """The client reads nothing."""
@@ -145,6 +164,13 @@ class LimitedHttp(_Guard, HttpToolsProtocol):
         self.limits.waiting.pop(self)
         # At once: closing after an answer would keep the connection for a while.
         self.transport.abort()
+
+    def _too_large(self) -> None:
+        self.limits.late += 1
+        self._answer(
+            b"431 Request Header Fields Too Large",
+            f"the head of the request is larger than {self.limits.head_size} bytes".encode(),
+        )
 
     def _late(self) -> None:
         self.limits.late += 1

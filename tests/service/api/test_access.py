@@ -268,6 +268,29 @@ def test_a_head_too_large_is_refused() -> None:
     assert received.startswith(b"HTTP/1.1 431")
 
 
+@pytest.mark.parametrize("upgrade", ["", "Connection: Upgrade\r\nUpgrade: websocket\r\n"])
+def test_a_head_too_large_is_refused_also_if_it_comes_at_once(upgrade: str) -> None:
+    head = f"GET /v1/stream HTTP/1.1\r\nHost: localhost\r\n{upgrade}X: ".encode()
+    service = app()
+    with guarded(service, head_size=2000) as place:
+        # Two of them in one piece: only the first is answered, as the connection ends.
+        received = answer_to(place, 2 * (head + b"a" * 2000 + b"\r\n\r\n"))
+        assert received.count(b"HTTP/1.1") == 1
+        assert received.startswith(b"HTTP/1.1 431")
+        assert b"larger than 2000 bytes" in received
+        assert answer_to(place, head + b"a" * 1500 + b"\r\n\r\n").startswith(b"HTTP/1.1 4")
+        assert service.state.service.connections.late == 1
+
+
+def test_what_is_no_http_is_refused_in_the_form_of_all_errors() -> None:
+    with guarded(app()) as place:
+        received = answer_to(place, b"\x16\x03\x01\r\n\r\n")
+    head, body = received.split(b"\r\n\r\n")
+    assert head.startswith(b"HTTP/1.1 400")
+    assert b"application/json" in head
+    assert json.loads(body)["errors"][0]["reason"] == "expected a request of HTTP/1.1, got other bytes"
+
+
 def test_a_body_that_does_not_arrive_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
     service = app()
     object.__setattr__(service.state.service.limits, "body_time", 0.3)
