@@ -72,8 +72,13 @@ def _robot(urdf: str, surface: str, tip: Any) -> Robot:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "robot.urdf"
         path.write_text(urdf, encoding="utf-8")
-        path.with_suffix(".surface.yaml").write_text(surface, encoding="utf-8")
+        skin = path.with_suffix(".surface.yaml")
+        skin.write_text(surface, encoding="utf-8")
         try:
             return robots.from_urdf(path, tip)
         except RobotError as error:
-            raise MessageError("scene.urdf", str(error).replace(f"{path.parent}/", "")) from None
+            reason = str(error).replace(f"{path.parent}/", "")
+            field = "scene.surface" if reason.startswith(f"{skin.name}: ") else "scene.urdf"
+            raise MessageError(
+                field, reason.removeprefix(f"{skin.name}: ").removeprefix(f"{path.name}: ")
+            ) from None

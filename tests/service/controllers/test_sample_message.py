@@ -173,7 +173,8 @@ def test_a_frame_beyond_all_limits_is_refused() -> None:
             "scene.urdf",
         ),
         ({"urdf": "<?xml version='1.0' encoding='UTF-7'?><robot/>", "surface": ""}, "scene.urdf"),
-        ({"urdf": "<robot", "surface": ""}, "scene.urdf"),
+        ({"urdf": "<robot", "surface": "robot: own\nlinks: {}"}, "scene.urdf"),
+        ({"urdf": "<robot/>", "surface": "links: ["}, "scene.surface"),
         ({"urdf": "<robot/>", "surface": "a: &a [1]\nb: [*a, *a]"}, "scene.surface"),
     ],
 )
@@ -203,3 +204,9 @@ def test_a_scene_with_its_own_urdf() -> None:
     scene = make_scene({"urdf": urdf, "surface": surface, "tip": "arm"})
     assert scene.link_names == ("base", "arm")
     assert len(scene.robot.links[1].primitives) == 1
+    for wrong, field in (({"surface": "links: {}"}, "scene.surface"), ({"tip": "hand"}, "scene.urdf")):
+        with pytest.raises(MessageError) as refused:
+            make_scene({"urdf": urdf, "surface": surface, "tip": "arm", **wrong})
+        assert refused.value.field == field
+        # The text has no name of a file that the controller did not send.
+        assert "robot." not in str(refused.value)
