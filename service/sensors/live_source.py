@@ -29,6 +29,7 @@ from contactsense.service.sensors.plausibility import (
 from contactsense.service.sensors.recent_trouble import RecentTrouble
 from contactsense.service.sensors.robot_stream import RobotRecord, RobotStream, SensorError
 from contactsense.service.sensors.rtde_client import RtdeStream
+from contactsense.service.sensors.settings_check import check_settings
 from contactsense.service.sensors.signal_mapping import TorqueMap
 from contactsense.service.sensors.source_health import SourceHealth
 from contactsense.service.sensors.stuck_channels import ArmState
@@ -49,7 +50,7 @@ _NO_READING = WrenchReading(None, None, math.inf)
 
 @dataclass(frozen=True, slots=True)
 class SourceSettings:
-    """Addresses of the sensors, and how they are read."""
+    """Addresses of the sensors, and how they are read. Raises `SensorError` where a field cannot be used."""
 
     robot_host: str
     robot_port: int = rtde.DEFAULT_PORT
@@ -88,6 +89,9 @@ class SourceSettings:
     wrench_wait: float = 0.003
     """Maximum time that a robot sample waits for the force/torque reading of its instant, beyond the delay of
     the readings [s]."""
+
+    def __post_init__(self) -> None:
+        check_settings(self)
 
 
 class RawObserver(Protocol):
