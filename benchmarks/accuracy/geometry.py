@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     import trimesh
 
     from contactsense.robots.decomposition.outer_skin import Skin, Surroundings
+    from contactsense.robots.decomposition.surface_error import Errors
 
 LEVELS = ("coarse", "fine", "skin")
 COLUMNS = ("p50", "p95", "max")
@@ -136,8 +137,12 @@ def _skin_at_grid(
     )
 
 
-def _row(found: Any) -> dict[str, Any]:
-    def lengths(values: np.ndarray) -> dict[str, float]:
+def _row(found: "Errors") -> dict[str, Any]:
+    """Lengths and angles of one level; no lengths from the model where none of its surface is exposed."""
+
+    def lengths(values: np.ndarray) -> dict[str, float] | None:
+        if len(values) == 0:
+            return None
         values = np.abs(values) * 1e3
         percentiles = np.percentile(values, (50.0, 95.0, 100.0))
         named = dict(zip(COLUMNS, (round(float(value), 3) for value in percentiles), strict=True))
@@ -167,7 +172,7 @@ def _print(rows: list[dict[str, Any]]) -> None:
         table.add_column(heading, justify="left" if heading in ("arm", "level") else "right")
     for row in rows:
         lengths = [
-            " / ".join(f"{row[key][part]:.2f}" for part in ("mean", *COLUMNS))
+            " / ".join(f"{row[key][part]:.2f}" for part in ("mean", *COLUMNS)) if row[key] else "not exposed"
             for key in ("skin_to_model_mm", "model_to_skin_mm")
         ]
         angles = f"{row['normal_deg']['p50']:.1f} / {row['normal_deg']['p95']:.1f}"

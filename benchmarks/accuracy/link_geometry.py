@@ -2,14 +2,17 @@
 link is beyond the limit."""
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from contactsense.robots import Robot
+from contactsense.robots import Link, Robot
+
+if TYPE_CHECKING:
+    from contactsense.robots.decomposition.surface_error import Errors
 
 LIMIT = 0.002
 """Wanted 95th percentile of the distance, both ways [m]."""
@@ -39,18 +42,30 @@ def measure_links(robot: Robot, folder: Path) -> list[dict[str, Any]]:
         skin = outer_skin(meshes[link.name], poses, seed=1)
         around = Surroundings(meshes[link.name], poses)
         found = errors(bodies_of(link.primitives), skin, Shape(skin), around, seed=1)
-        out, back = (float(np.percentile(np.abs(x), 95.0)) for x in (found.skin, found.primitive))
-        rows.append(
-            {
-                "robot": robot.name,
-                "link": link.name,
-                "primitives": len(link.primitives),
-                "skin_to_model_p95_mm": round(1e3 * out, 2),
-                "model_to_skin_p95_mm": round(1e3 * back, 2),
-                "reason": reason(found.skin, found.primitive, skin.points[skin.exposure > 0.0]),
-            }
-        )
+        points = skin.points[skin.exposure > 0.0]
+        rows.append({"robot": robot.name, "link": link.name} | link_row(link, found, points))
     return rows
+
+
+def link_row(link: Link, found: "Errors", points: np.ndarray) -> dict[str, Any]:
+    """What was measured of one link.
+
+    Args:
+        link: With its fine primitives.
+        found: Distances between its skin and these.
+        points: The samples of the skin, link frame, shape (N, 3) [m].
+    """
+    return {
+        "primitives": len(link.primitives),
+        "skin_to_model_p95_mm": _p95_mm(found.skin),
+        "model_to_skin_p95_mm": _p95_mm(found.primitive),
+        "reason": reason(found.skin, found.primitive, points),
+    }
+
+
+def _p95_mm(distances: np.ndarray) -> float | None:
+    """95th percentile of their magnitudes [mm]; None without any, as where no primitive is exposed."""
+    return round(1e3 * float(np.percentile(np.abs(distances), 95.0)), 2) if len(distances) else None
 
 
 def reason(skin: np.ndarray, primitive: np.ndarray, points: np.ndarray) -> str:
@@ -58,10 +73,10 @@ def reason(skin: np.ndarray, primitive: np.ndarray, points: np.ndarray) -> str:
 
     Args:
         skin: Distances of skin from the primitives, positive where they are below it, shape (N,) [m].
-        primitive: Distances of the primitives' surface from the skin, shape (M,) [m].
+        primitive: Distances of the primitives' exposed surface from the skin, shape (M,) [m].
         points: The samples of the skin, link frame, shape (N, 3) [m].
     """
-    if max(np.percentile(np.abs(skin), 95.0), np.percentile(primitive, 95.0)) <= LIMIT:
+    if max(np.percentile(np.abs(part), 95.0) for part in (skin, primitive) if len(part)) <= LIMIT:
         return ""
     parts = []
     for beyond, text in ((skin < -LIMIT, "below the primitives"), (skin > LIMIT, "above the primitives")):
@@ -85,6 +100,7 @@ def print_links(rows: list[dict[str, Any]]) -> None:
         left = heading in ("arm", "link", "beyond 2 mm because")
         table.add_column(heading, justify="left" if left else "right", overflow="fold")
     for row in rows:
-        lengths = (f"{row[key]:.2f}" for key in ("skin_to_model_p95_mm", "model_to_skin_p95_mm"))
+        found = (row[key] for key in ("skin_to_model_p95_mm", "model_to_skin_p95_mm"))
+        lengths = ("not exposed" if length is None else f"{length:.2f}" for length in found)
         table.add_row(row["robot"], row["link"], str(row["primitives"]), *lengths, row["reason"])
     Console(width=132).print(table)
