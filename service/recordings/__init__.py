@@ -9,7 +9,7 @@ and `clip_listener` through `segment_writer`, and `export` for other programs.
 from contactsense.service.recordings.column_mapping import ColumnMapping, MappingError
 from contactsense.service.recordings.problems import Problem, RecordingError
 from contactsense.service.recordings.recording import Recording
-from contactsense.service.recordings.recording_file import RecordingFile, read, scene_in
+from contactsense.service.recordings.recording_file import RecordingFile, date_in, read, scene_in
 
 __all__ = [
     "ColumnMapping",
@@ -18,6 +18,7 @@ __all__ = [
     "Recording",
     "RecordingError",
     "RecordingFile",
+    "date_in",
     "read",
     "scene_in",
 ]

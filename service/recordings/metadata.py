@@ -14,6 +14,7 @@ from contactsense.scene_model.sensor_delays import sensor_delays
 from contactsense.service.recordings.problems import RecordingError
 
 PREFIX = "contactsense."
+_CREATED, _TABLE = "created", "table"
 _REMOVED = "removed_delays"
 CONFLICT = "scene_conflict"
 """Entry that names two files of a folder whose scenes differ."""
@@ -37,10 +38,26 @@ def metadata(scene: Scene, **more: str) -> dict[str, str]:
         "scene_hash": scene_hash(scene),
         "robot": scene.robot.name,
         "version": version("contactsense"),
-        "created": datetime.now(UTC).isoformat(timespec="seconds"),
         **more,
     }
-    return {PREFIX + name: value for name, value in fields.items()}
+    return {PREFIX + name: value for name, value in fields.items()} | creation()
+
+
+def creation() -> dict[str, str]:
+    """Entry of `metadata` for a file that begins now."""
+    return {PREFIX + _CREATED: datetime.now(UTC).isoformat(timespec="seconds")}
+
+
+def date_of_meta(meta: Mapping[str, str]) -> str | None:
+    """Day on which a file was recorded, YYYY-MM-DD in UTC, from its metadata; None where they do not tell, as
+    those of a recording that was converted, which have the time of that."""
+    created = meta.get(PREFIX + _CREATED)
+    if created is None or PREFIX + _TABLE not in meta:
+        return None
+    try:
+        return datetime.fromisoformat(created).astimezone(UTC).date().isoformat()
+    except (ValueError, OverflowError):
+        return None
 
 
 def removed_delays(scene: Scene) -> dict[str, str]:

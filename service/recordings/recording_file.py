@@ -196,5 +196,19 @@ def scene_in(path: Path) -> Scene:
     """
     from contactsense.service.recordings.metadata import scene_of_meta
 
-    meta = {} if is_bag(path) else open_table(path).meta
-    return scene_of_meta(meta, str(path))
+    return scene_of_meta(_meta(path), str(path))
+
+
+def date_in(path: Path) -> str | None:
+    """Day on which a recording began by its metadata, YYYY-MM-DD in UTC; None if it is not known.
+
+    Raises:
+        RecordingError: The recording cannot be read.
+    """
+    from contactsense.service.recordings.metadata import date_of_meta
+
+    return date_of_meta(_meta(path))
+
+
+def _meta(path: Path) -> dict[str, str]:
+    return {} if is_bag(path) else open_table(path).meta

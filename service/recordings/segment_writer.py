@@ -22,6 +22,7 @@ import pyarrow as pa
 import pyarrow.parquet as pa_parquet
 
 from contactsense.robots.file_lock import AVAILABLE, lock
+from contactsense.service.recordings.metadata import creation
 from contactsense.service.recordings.problems import RecordingError
 from contactsense.service.recordings.table import reason
 
@@ -51,7 +52,7 @@ class SegmentWriter:
         folder: Destination of the files; it is created.
         prefix: Prefix of the file names; unique per table in the folder.
         names: Columns, all float64.
-        meta: Metadata of the schema.
+        meta: Metadata of the schema; each file has the time at which it began, too.
         rotation: When a segment is closed.
         flush_seconds: Maximum time that rows wait in memory [s].
         rate: Expected rate of rows [Hz]; determines the buffer size.
@@ -73,7 +74,8 @@ class SegmentWriter:
     ) -> None:
         self._folder, self._prefix = folder, prefix
         self._rotation = rotation or Rotation()
-        self._schema = pa.schema([(name, pa.float64()) for name in names], metadata=dict(meta))
+        self._meta = meta
+        self._schema = pa.schema([(name, pa.float64()) for name in names])
         self._rows = np.zeros((max(16, int(4.0 * rate * flush_seconds)), len(names)))
         self._filled = 0
         self._flush_seconds = flush_seconds
@@ -188,6 +190,7 @@ class SegmentWriter:
                 break
         with suppress(OSError):  # a file system without locks
             lock(self._lock)
+        self._schema = self._schema.with_metadata(self._meta | creation())
         self._sink = pa.OSFile(str(self._path), "wb")
         self._stream = pa.ipc.new_stream(self._sink, self._schema)
         self._opened, self._bytes = time.monotonic(), 0

@@ -16,6 +16,7 @@ import pyarrow as pa
 import pyarrow.parquet as pa_parquet
 
 from contactsense.sensors.timing import LONGEST_FIRST_STEP
+from contactsense.service.recordings import RecordingError, date_in
 from contactsense.service.recordings.file_format import format_of
 from contactsense.service.recordings.parquet_tables import RAW_READINGS
 from contactsense.service.recordings.repeated_clips import without_repeated_clips
@@ -28,7 +29,8 @@ WARM_UP = 60.0
 REACH = 3600.0
 """A contact that is active where reading starts is followed back over at most this time [s]."""
 UNKNOWN = "unknown"
-"""Robot and date of a recording that is in no folder which names them."""
+"""Robot of a recording that is in no folder which names it, and date of one that does not know its own
+either."""
 SUFFIXES = (".parquet", ".csv", ".csv.gz", ".mcap", ".db3", ".arrows", ".arrow", ".feather")
 RESULTS = ("contacts", "parts", "robots.parquet", "days.parquet")
 """Tables in the folder of the results."""
@@ -45,7 +47,7 @@ class DatasetFile:
     robot: str
     """Name of the robot, from a folder `robot=NAME`; `UNKNOWN` without one."""
     date: str
-    """Date, from a folder `date=YYYY-MM-DD`; `UNKNOWN` without one."""
+    """Date, from a folder `date=YYYY-MM-DD`, or else from the recording itself; `UNKNOWN` without either."""
 
     @property
     def key(self) -> str:
@@ -169,5 +171,12 @@ def _rows_and_rate(path: Path) -> tuple[int, float]:
 
 def _file(path: Path, name: Path) -> DatasetFile:
     keys = dict(part.split("=", 1) for part in name.parts[:-1] if "=" in part)
-    robot, date = (keys.get(key) or UNKNOWN for key in ("robot", "date"))
+    robot, date = keys.get("robot") or UNKNOWN, keys.get("date") or _own_date(path) or UNKNOWN
     return DatasetFile(path.resolve(), name.as_posix(), robot, date)
+
+
+def _own_date(path: Path) -> str | None:
+    try:
+        return date_in(path)
+    except RecordingError:
+        return None  # the analysis will tell why it cannot be read

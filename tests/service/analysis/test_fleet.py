@@ -57,6 +57,43 @@ def test_recordings_and_their_place_in_the_dataset(tmp_path: Path) -> None:
         find_recordings((_empty(tmp_path),))
 
 
+def test_a_recording_has_its_own_date_where_no_folder_names_one(tmp_path: Path) -> None:
+    """That of UTC, as the names of its files; a conversion only has the time of the conversion."""
+    created = {"contactsense.created": "2026-03-01T23:30:00-02:00"}
+    made = metadata(Scene(robot="ur5e"), table="samples") | created
+    described = {
+        "robot=a/recorded.parquet": made,
+        "robot=a/date=2026-01-01/moved.parquet": made,
+        "robot=a/date=/unnamed.parquet": made,
+        "robot=a/converted.parquet": metadata(Scene(robot="ur5e")) | created,
+        "robot=a/damaged.parquet": made | {"contactsense.created": "yesterday"},
+        "robot=a/other.parquet": {},
+    }
+    table = pa.table({"timestamp": [0.0, 0.002]})
+    for name, meta in described.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        pa_parquet.write_table(table.replace_schema_metadata(meta), tmp_path / name)
+    stream = tmp_path / "robot=a" / "killed.arrows"
+    with (
+        pa.OSFile(str(stream), "wb") as file,
+        pa.ipc.new_stream(file, table.schema.with_metadata(made)) as unfinished,
+    ):
+        unfinished.write_table(table)
+    (tmp_path / "robot=a" / "plain.csv").write_text("timestamp\n0\n")
+    (tmp_path / "robot=a" / "broken.parquet").write_bytes(b"broken")
+    found = {file.name.removeprefix("robot=a/"): file.date for file in find_recordings((tmp_path,))}
+    assert found == {
+        "recorded.parquet": "2026-03-02",
+        "killed.arrows": "2026-03-02",
+        "date=2026-01-01/moved.parquet": "2026-01-01",
+        "date=/unnamed.parquet": "2026-03-02",
+        **dict.fromkeys(
+            ("converted.parquet", "damaged.parquet", "other.parquet", "plain.csv", "broken.parquet"),
+            "unknown",
+        ),
+    }
+
+
 def test_recordings_of_the_same_name_in_several_folders_are_told_apart(tmp_path: Path, scene: Path) -> None:
     paths = []
     for name in ("first", "second"):

@@ -14,7 +14,9 @@ import numpy as np
 import pyarrow.parquet as pa_parquet
 import pytest
 
-from contactsense.service.recordings import segment_writer
+from contactsense import Scene
+from contactsense.service.recordings import date_in, segment_writer
+from contactsense.service.recordings.metadata import metadata
 from contactsense.service.recordings.problems import RecordingError
 from contactsense.service.recordings.segment_writer import Rotation, SegmentWriter, repair, to_parquet
 
@@ -35,6 +37,17 @@ def test_rows_come_back_in_order_over_many_segments(tmp_path: Path) -> None:
     np.testing.assert_allclose(rows_of(files), 0.002 * np.arange(1000))
     assert pa_parquet.read_schema(files[0]).metadata[b"k"] == b"v"
     assert not list(tmp_path.glob("*.arrows"))
+
+
+def test_each_file_has_the_time_at_which_it_began(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A recording over midnight is of two days."""
+    times = iter(["2026-01-01T23:59:00+00:00", "2026-01-02T00:01:00+00:00"])
+    monkeypatch.setattr(segment_writer, "creation", lambda: {"contactsense.created": next(times)})
+    meta = metadata(Scene(robot="ur5e"), table="samples")
+    writer = SegmentWriter(tmp_path, "a", NAMES, meta, Rotation(seconds=0.0), flush_seconds=0.0)
+    for i in range(2):
+        writer.add((0.002 * i, float(i)))
+    assert [date_in(path) for path in writer.close()] == ["2026-01-01", "2026-01-02"]
 
 
 def test_the_disk_limit_removes_the_oldest(tmp_path: Path) -> None:
