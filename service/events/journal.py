@@ -55,6 +55,26 @@ class JournalSettings(BaseModel):
     """Largest size of the file; beyond it the oldest events are removed [MB]."""
 
 
+def _owner(journal: Path, refused: str) -> sqlite3.Connection:
+    """Lock the journal for this process, until the connection is closed or the process ends.
+
+    With two services in one file, latches would be those of the one that wrote last, numbers would be given
+    twice, and webhooks sent twice. The lock is that of a file beside it: SQLite's own would keep readers out.
+    """
+    try:
+        owner = sqlite3.connect(f"{journal}-lock", timeout=0.0, check_same_thread=False, isolation_level=None)
+    except sqlite3.Error as error:
+        raise JournalError(f"{refused}: {error}") from None
+    try:
+        owner.execute("BEGIN EXCLUSIVE")
+    except sqlite3.Error as error:
+        owner.close()
+        busy = error.sqlite_errorcode == sqlite3.SQLITE_BUSY
+        reason = "another service uses it; each needs a file of its own" if busy else str(error)
+        raise JournalError(f"{refused}: {reason}") from None
+    return owner
+
+
 class Journal:
     """Appends and reads events. Thread-safe."""
 
@@ -67,11 +87,13 @@ class Journal:
         self._settings = settings or JournalSettings()
         place = self._settings.path
         refused = f"{place}: cannot be used as a journal of events"
+        self._owner = None if place is None else _owner(place, refused)
         try:
             self._database = sqlite3.connect(
                 ":memory:" if place is None else place, check_same_thread=False, isolation_level=None
             )
         except sqlite3.Error as error:
+            self._release()
             raise JournalError(f"{refused}: {error}") from None
         try:
             self._database.execute("PRAGMA auto_vacuum=INCREMENTAL")
@@ -82,6 +104,7 @@ class Journal:
             self._reserve(self._last + _BLOCK)
         except sqlite3.Error as error:
             self._database.close()
+            self._release()
             raise JournalError(f"{refused}: {error}") from None
         self.lock = threading.RLock()
         """Must be held while `database` is used, which may take a while; appending does not need it."""
@@ -198,12 +221,17 @@ class Journal:
             self.flush()
             self._reserve(self._last)
             self._database.close()
+            self._release()
 
     def __enter__(self) -> "Journal":
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def _release(self) -> None:
+        if self._owner is not None:
+            self._owner.close()
 
     def _size(self) -> int:
         pages, free, size = (

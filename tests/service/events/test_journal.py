@@ -1,5 +1,6 @@
 """The journal: every event has its number at once, and outlives the process."""
 
+import contextlib
 import os
 import signal
 import sqlite3
@@ -122,6 +123,29 @@ def test_a_killed_process_loses_at_most_a_second_and_no_number_is_given_twice(tm
         assert len(kept) > 300
         assert kept[-1].t > end - 1.0
         assert journal.append(event(0)).id > last
+
+
+def test_two_services_do_not_share_a_journal(tmp_path: Path) -> None:
+    path = tmp_path / "journal.db"
+    with (
+        subprocess.Popen(
+            [sys.executable, "-c", WRITER, str(path)], stdout=subprocess.PIPE, text=True
+        ) as process,
+    ):
+        assert process.stdout is not None
+        process.stdout.readline()
+        try:
+            with pytest.raises(JournalError, match=r"journal\.db: .*another service uses it"):
+                Journal(JournalSettings(path=path))
+            # Others may read it, such as a program that makes statistics.
+            with contextlib.closing(sqlite3.connect(path)) as reader:
+                assert reader.execute("SELECT count(*) FROM events").fetchone()[0] >= 0
+        finally:
+            process.kill()
+    # A process that was killed leaves the journal to the next one.
+    for _ in range(2):
+        with Journal(JournalSettings(path=path)) as journal:
+            journal.append(event(0))
 
 
 def test_age_and_size_are_limited(tmp_path: Path) -> None:
