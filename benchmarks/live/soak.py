@@ -3,6 +3,7 @@ lost, whether memory grows, and whether every subscribed reader receives all eve
 
 import contextlib
 import json
+import logging
 import os
 import sys
 import threading
@@ -23,6 +24,9 @@ from contactsense.service.demo.child_process import ChildError
 from contactsense.service.demo.processes import Stage
 from contactsense.service.mock.rtde_server import RATE
 
+_BROKEN = logging.getLogger("contactsense.soak")
+"""For connections that a reader breaks off on purpose: the client would log each as an error of its own."""
+_BROKEN.disabled = True
 _WARM_UP = 5.0
 _QUIET = 2.0
 """If no event comes for this long, none is in transit [s]."""
@@ -158,7 +162,9 @@ def _come_and_go(url: str, over: threading.Event, visits: list[int]) -> None:
     while not over.is_set():
         with (
             contextlib.suppress(OSError, WebSocketException, ConnectionClosed, TimeoutError),
-            connect(url, compression=None, ping_interval=None, close_timeout=0.2) as connection,
+            connect(
+                url, compression=None, ping_interval=None, close_timeout=0.2, logger=_BROKEN
+            ) as connection,
         ):
             end = time.monotonic() + _VISIT
             while time.monotonic() < end and not over.is_set():
@@ -173,7 +179,9 @@ def _stall(url: str, over: threading.Event) -> None:
     while not over.is_set():
         with (
             contextlib.suppress(OSError, WebSocketException),
-            connect(url, compression=None, max_queue=1, ping_interval=None, close_timeout=0.2) as connection,
+            connect(
+                url, compression=None, max_queue=1, ping_interval=None, close_timeout=0.2, logger=_BROKEN
+            ) as connection,
         ):
             with contextlib.suppress(Exception):
                 while not over.wait(0.5):
