@@ -11,7 +11,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from contactsense.scene import SceneError
 from contactsense.service.analysis.fleet.report import write_fleet_report
 from contactsense.service.analysis.fleet.run import analyze_fleet
-from contactsense.service.analysis.fleet.summary import FleetSummary, robot_row
+from contactsense.service.analysis.fleet.summary import FleetSummary, robot_rows
 from contactsense.service.analysis.fleet.worker_pool import WorkerPoolError
 from contactsense.service.analysis.health import UNJUDGED
 
@@ -59,7 +59,7 @@ def analyze_dataset(
 
 def _as_plain(summary: FleetSummary) -> dict[str, object]:
     return {
-        "robots": [robot_row(robot) for robot in summary.robots],
+        "robots": robot_rows(summary),
         "contacts": summary.contacts.num_rows,
         "expected_false_alarms": summary.expected_false_alarms,
         "problems": list(summary.problems),

@@ -13,7 +13,7 @@ from contactsense.scene import Scene
 from contactsense.service.analysis.assumptions import assumptions
 from contactsense.service.analysis.fleet.drawn_arms import drawn_arms, members
 from contactsense.service.analysis.fleet.segments import UNKNOWN
-from contactsense.service.analysis.fleet.summary import FleetSummary, RobotSummary, robot_row
+from contactsense.service.analysis.fleet.summary import FleetSummary, RobotSummary, robot_rows
 from contactsense.service.analysis.health import UNJUDGED
 from contactsense.service.analysis.report import render
 from contactsense.service.analysis.undetermined_forces import undetermined_forces
@@ -27,6 +27,7 @@ MOST_CHARTS = 30
 """Maximum number of robots whose drift is drawn: those with the largest. The table lists all."""
 MOST_PROBLEMS = 100
 """Maximum number of problems that are listed."""
+_CALIBRATION = {True: "needed", False: "fits", None: "unknown"}
 
 
 def write_fleet_report(summary: FleetSummary, folder: Path) -> None:
@@ -63,7 +64,7 @@ def _content(summary: FleetSummary) -> dict[str, Any]:
         "recordings": sum(robot.recordings for robot in summary.robots),
         "hours": f"{hours:.2f}",
         "rate": _rate(table.num_rows, hours),
-        "robots": [_robot(robot) for robot in summary.robots],
+        "robots": _table(summary),
         "charts": _charts(summary),
         "links": [
             (name, link_colour(order.get(name, -1)), count, _rate(count, hours))
@@ -123,9 +124,12 @@ def _rate(count: int, hours: float) -> str:
     return f"{count / hours:.2f}" if hours else "unknown"
 
 
-def _robot(robot: RobotSummary) -> dict[str, Any]:
-    row = robot_row(robot)
-    joints = _joint_names(robot.scene)
+def _table(summary: FleetSummary) -> list[dict[str, Any]]:
+    joints = {robot.robot: _joint_names(robot.scene) for robot in summary.robots}
+    return [_robot(row, joints.get(row["robot"], [])) for row in robot_rows(summary)]
+
+
+def _robot(row: dict[str, Any], joints: list[str]) -> dict[str, Any]:
     base, joint = _largest(row["base_bias_drift"][:3]), _largest(row["joint_bias_drift"])
     moment = _largest(row["base_bias_drift"][3:])
     coulomb = _largest(row["coulomb_drift"])
@@ -142,7 +146,7 @@ def _robot(robot: RobotSummary) -> dict[str, Any]:
         "joint_drift": _text(joint, "Nm"),
         "friction_drift": _text(coulomb, "Nm") + worst,
         "ratio": "unknown" if row["residual_ratio"] is None else f"{row['residual_ratio']:.2f}",
-        "calibration": {True: "needed", False: "fits", None: "unknown"}[row["needs_calibration"]],
+        "calibration": _CALIBRATION[row["needs_calibration"]] if row["has_scene"] else "no scene",
     }
 
 

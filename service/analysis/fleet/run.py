@@ -69,6 +69,7 @@ def analyze_fleet(
     summary = replace(
         summary,
         problems=(*_left_out(scenes, files), *summary.problems),
+        without_scene=tuple(scenes.missing),
         skipped=summary.skipped + sum(file.robot in scenes.missing for file in files),
     )
     write_summary(summary, out)

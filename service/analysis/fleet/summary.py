@@ -126,6 +126,8 @@ class FleetSummary:
     """Number of recordings that were skipped."""
     unjudged: tuple[str, ...] = ()
     """Recordings without a usable sample: whether anything touched the arm is not known."""
+    without_scene: tuple[str, ...] = ()
+    """Robots whose recordings were skipped, as they have no scene that can be used."""
 
     def __repr__(self) -> str:
         hours = sum(robot.hours for robot in self.robots)
@@ -218,11 +220,36 @@ def write_summary(summary: FleetSummary, folder: Path) -> None:
         write_parquet(part.drop_columns(["robot", "date"]), here / "part-0.parquet")
     shutil.rmtree(target, ignore_errors=True)
     fresh.rename(target)
-    write_parquet(
-        pa.Table.from_pylist([robot_row(robot) for robot in summary.robots]), folder / "robots.parquet"
-    )
+    write_parquet(pa.Table.from_pylist(robot_rows(summary)), folder / "robots.parquet")
     rows = [row for robot in summary.robots for row in day_rows(robot)]
     write_parquet(pa.Table.from_pylist(rows), folder / "days.parquet")
+
+
+def robot_rows(summary: FleetSummary) -> list[dict[str, Any]]:
+    """One row for each robot, in the order of their names."""
+    rows = [robot_row(robot) for robot in summary.robots]
+    rows += [_row_without_scene(name) for name in summary.without_scene]
+    return sorted(rows, key=lambda row: str(row["robot"]))
+
+
+def _row_without_scene(name: str) -> dict[str, Any]:
+    """As `robot_row`; joints are not known either, so the lists of them are empty."""
+    return {
+        "robot": name,
+        "has_scene": False,
+        "recordings": 0,
+        "hours": 0.0,
+        "contacts": 0,
+        "contacts_per_hour": None,
+        "touched": None,
+        "degraded": None,
+        "base_bias_drift": [None] * 6,
+        "joint_bias_drift": [],
+        "coulomb_drift": [],
+        "viscous_drift": [],
+        "residual_ratio": None,
+        "needs_calibration": None,
+    }
 
 
 def robot_row(robot: RobotSummary) -> dict[str, Any]:
@@ -231,6 +258,7 @@ def robot_row(robot: RobotSummary) -> dict[str, Any]:
     coulomb, viscous = robot.friction_by_day()
     return {
         "robot": robot.robot,
+        "has_scene": True,
         "recordings": robot.recordings,
         "hours": robot.hours,
         "contacts": robot.contacts,

@@ -4,6 +4,7 @@ import json
 import re
 from pathlib import Path
 
+import pyarrow.parquet as pa_parquet
 import pytest
 from click.testing import CliRunner
 
@@ -55,6 +56,19 @@ def test_one_broken_file_or_one_robot_without_a_scene_does_not_end_the_analysis(
     assert wrong.startswith("robot c: ")
     assert "ur5f" in wrong
     assert broken.startswith("robot=a/0.parquet: cannot read the recording")
+    assert {row["robot"]: row["has_scene"] for row in found["robots"]} == {"a": True, "b": False, "c": False}
+    written = pa_parquet.read_table(out / "robots.parquet")
+    assert written["robot"].to_pylist() == ["a", "b", "c"]
+    assert written["recordings"].to_pylist() == [1, 0, 0]
+    assert written["contacts_per_hour"].to_pylist()[1:] == [None, None]
+    shown = (out / "fleet.md").read_text()
+    assert "3 robots, 1 recording" in shown
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in shown.splitlines()]
+    rows = [row for row in rows if row and row[0] in ("a", "b", "c")]
+    assert [row[0] for row in rows] == ["a", "b", "c"]
+    assert [row[-1] == "no scene" for row in rows] == [False, True, True]
+    assert rows[1][1:5] == ["0", "0.00", "0", "unknown"]
+    assert (out / "fleet.html").read_text().count('<span class="bad">no scene</span>') == 2
 
 
 def test_robots_whose_sensors_determine_no_force_are_named(tmp_path: Path) -> None:
