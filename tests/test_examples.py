@@ -84,8 +84,8 @@ def test_wrong_arguments_are_told_in_one_line(name: str, arguments: tuple[str, .
 
 
 def test_a_robot_that_is_not_there_is_told() -> None:
-    with pytest.raises(AssertionError, match=r"no samples: .*127\.0\.0\.1:30004"):
-        _run("02_live_loop.py", "127.0.0.1", "127.0.0.1")
+    with pytest.raises(AssertionError, match=r"no samples: .*127\.0\.0\.2:30004"):
+        _run("02_live_loop.py", "127.0.0.2", "127.0.0.2")
 
 
 @pytest.mark.realtime
