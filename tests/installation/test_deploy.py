@@ -55,6 +55,15 @@ def test_compiled_kernels_survive_a_container() -> None:
     assert folder in volumes.split()
 
 
+def test_the_image_keeps_its_health_check() -> None:
+    """podman builds images of the OCI format by default, which has none."""
+    text = CONTAINER.read_text()
+    assert "HEALTHCHECK" in text
+    commands = re.findall(r"^# (podman build .*)$", text, re.MULTILINE)
+    assert commands
+    assert all("--format docker" in command for command in commands)
+
+
 @pytest.mark.parametrize(
     ("path", "left_out"),
     [
