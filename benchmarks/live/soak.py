@@ -24,9 +24,9 @@ from contactsense.service.demo.child_process import ChildError
 from contactsense.service.demo.processes import Stage
 from contactsense.service.mock.rtde_server import RATE
 
-_BROKEN = logging.getLogger("contactsense.soak")
+_SILENT = logging.getLogger("contactsense.soak")
 """For connections that a reader breaks off on purpose: the client would log each as an error of its own."""
-_BROKEN.disabled = True
+_SILENT.disabled = True
 _WARM_UP = 5.0
 _QUIET = 2.0
 """If no event comes for this long, none is in transit [s]."""
@@ -163,7 +163,7 @@ def _come_and_go(url: str, over: threading.Event, visits: list[int]) -> None:
         with (
             contextlib.suppress(OSError, WebSocketException, ConnectionClosed, TimeoutError),
             connect(
-                url, compression=None, ping_interval=None, close_timeout=0.2, logger=_BROKEN
+                url, compression=None, ping_interval=None, close_timeout=0.2, logger=_SILENT
             ) as connection,
         ):
             end = time.monotonic() + _VISIT
@@ -180,7 +180,7 @@ def _stall(url: str, over: threading.Event) -> None:
         with (
             contextlib.suppress(OSError, WebSocketException),
             connect(
-                url, compression=None, max_queue=1, ping_interval=None, close_timeout=0.2, logger=_BROKEN
+                url, compression=None, max_queue=1, ping_interval=None, close_timeout=0.2, logger=_SILENT
             ) as connection,
         ):
             with contextlib.suppress(Exception):

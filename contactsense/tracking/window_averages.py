@@ -93,6 +93,6 @@ def average_windows(
 
 @kernel
 def _share_of_old(mean: np.ndarray, residual: np.ndarray, weight: float) -> float:
-    """What the content of a window has of its force after the newest residual is added with that weight."""
+    """Share of a window's content in its force, once the newest residual has been added with that weight."""
     old, new = (1.0 - weight) * norm(vector(mean)), weight * norm(vector(residual))
     return old / (old + new) if old + new > 0.0 else 1.0 - weight

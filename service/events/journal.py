@@ -12,10 +12,13 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
+from contextlib import suppress
+from io import FileIO
 from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, PositiveFloat
 
+from contactsense.robots.file_lock import AVAILABLE, lock
 from contactsense.service.events.model import ContactEvent
 
 COMMIT_EVERY = 0.5
@@ -55,24 +58,21 @@ class JournalSettings(BaseModel):
     """Largest size of the file; beyond it the oldest events are removed [MB]."""
 
 
-def _owner(journal: Path, refused: str) -> sqlite3.Connection:
-    """Lock the journal for this process, until the connection is closed or the process ends.
+def _locked(journal: Path, refused: str) -> FileIO:
+    """Lock the journal for this service until the returned file is closed.
 
     With two services in one file, latches would be those of the one that wrote last, numbers would be given
     twice, and webhooks sent twice. The lock is that of a file beside it: SQLite's own would keep readers out.
     """
     try:
-        owner = sqlite3.connect(f"{journal}-lock", timeout=0.0, check_same_thread=False, isolation_level=None)
-    except sqlite3.Error as error:
-        raise JournalError(f"{refused}: {error}") from None
-    try:
-        owner.execute("BEGIN EXCLUSIVE")
-    except sqlite3.Error as error:
-        owner.close()
-        busy = error.sqlite_errorcode == sqlite3.SQLITE_BUSY
-        reason = "another service uses it; each needs a file of its own" if busy else str(error)
-        raise JournalError(f"{refused}: {reason}") from None
-    return owner
+        file = FileIO(f"{journal}-lock", "w")
+    except OSError as error:
+        raise JournalError(f"{refused}: {error.strerror}") from None
+    with suppress(OSError):  # a file system without locks
+        if AVAILABLE and not lock(file):
+            file.close()
+            raise JournalError(f"{refused}: another service uses it; each needs a file of its own")
+    return file
 
 
 class Journal:
@@ -87,7 +87,7 @@ class Journal:
         self._settings = settings or JournalSettings()
         place = self._settings.path
         refused = f"{place}: cannot be used as a journal of events"
-        self._owner = None if place is None else _owner(place, refused)
+        self._lock_file = None if place is None else _locked(place, refused)
         try:
             self._database = sqlite3.connect(
                 ":memory:" if place is None else place, check_same_thread=False, isolation_level=None
@@ -230,8 +230,8 @@ class Journal:
         self.close()
 
     def _release(self) -> None:
-        if self._owner is not None:
-            self._owner.close()
+        if self._lock_file is not None:
+            self._lock_file.close()
 
     def _size(self) -> int:
         pages, free, size = (

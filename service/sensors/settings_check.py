@@ -1,51 +1,50 @@
 """Checks of the settings that a Python program gives for the sensors; the service checks its options."""
 
 import math
-from collections.abc import Mapping
 from numbers import Real
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from contactsense.service.sensors.robot_stream import SensorError
 
-_CLIENTS = ("rtde", "ur_rtde")
-_PORTS = ("robot_port", "wrench_port", "wrench_http_port")
-_ABOVE_ZERO = ("frequency", "wrench_rate", "wrench_max_age")
-_NOT_BELOW_ZERO = ("wrench_wait",)
-_ANY_NUMBER = ("wrench_delay",)
+if TYPE_CHECKING:
+    from contactsense.service.sensors.live_source import SourceSettings
 
 
-def check_settings(settings: Any) -> None:
-    """Check the fields of `SourceSettings`, and the counts of its `link_wrenches`.
+def check_settings(settings: "SourceSettings") -> None:
+    """Check the numbers of the settings, and the counts of their `link_wrenches`.
 
     Raises:
         SensorError: A field cannot be used; the text names it.
     """
-    if settings.client not in _CLIENTS:
-        raise SensorError(f"client: expected one of {', '.join(_CLIENTS)}, got {settings.client!r}")
-    for name in _PORTS:
+    if settings.client not in ("rtde", "ur_rtde"):
+        raise SensorError(f"client: expected rtde or ur_rtde, got {settings.client!r}")
+    for name in ("robot_port", "wrench_port", "wrench_http_port"):
         port = getattr(settings, name)
         if not isinstance(port, int) or not 0 <= port <= 65535:
             raise SensorError(f"{name}: expected a whole number from 0 to 65535, got {port!r}")
-    for names, least, expected in (
-        (_ABOVE_ZERO, math.nextafter(0.0, 1.0), "a number above 0"),
-        (_NOT_BELOW_ZERO, 0.0, "a number of at least 0"),
-        (_ANY_NUMBER, -math.inf, "a finite number"),
-    ):
-        for name in names:
-            value = getattr(settings, name)
-            if not (_is_number(value) and value >= least) and not (name == "wrench_rate" and value is None):
-                raise SensorError(f"{name}: expected {expected}, got {value!r}")
-    counts: Mapping[str, Any] = {
-        "wrench_counts": settings.wrench_counts,
-        **{f"link_wrenches.{name}.counts": source.counts for name, source in settings.link_wrenches.items()},
-    }
-    for name, pair in counts.items():
-        usable = (
-            isinstance(pair, list | tuple) and len(pair) == 2 and all(_is_number(n) and n > 0.0 for n in pair)
-        )
-        if pair is not None and not usable:
-            raise SensorError(f"{name}: expected two numbers above 0, counts per N and per Nm, got {pair!r}")
+    for name in ("frequency", "wrench_rate", "wrench_max_age"):
+        value = getattr(settings, name)
+        if not _is_positive(value) and not (name == "wrench_rate" and value is None):
+            raise SensorError(f"{name}: expected a number above 0, got {value!r}")
+    if not _is_finite(settings.wrench_wait) or settings.wrench_wait < 0.0:
+        raise SensorError(f"wrench_wait: expected a number of at least 0, got {settings.wrench_wait!r}")
+    if not _is_finite(settings.wrench_delay):
+        raise SensorError(f"wrench_delay: expected a finite number, got {settings.wrench_delay!r}")
+    _check_counts("wrench_counts", settings.wrench_counts)
+    for name, source in settings.link_wrenches.items():
+        _check_counts(f"link_wrenches.{name}.counts", source.counts)
 
 
-def _is_number(value: Any) -> bool:
+def _check_counts(name: str, counts: Any) -> None:
+    if counts is None:
+        return
+    if not (isinstance(counts, list | tuple) and len(counts) == 2 and all(map(_is_positive, counts))):
+        raise SensorError(f"{name}: expected two numbers above 0, counts per N and per Nm, got {counts!r}")
+
+
+def _is_finite(value: Any) -> bool:
     return isinstance(value, Real) and math.isfinite(value)
+
+
+def _is_positive(value: Any) -> bool:
+    return _is_finite(value) and value > 0.0

@@ -25,7 +25,6 @@ from contactsense.benchmarks.fleet.dataset import (
 from contactsense.scene import Scene
 from contactsense.service.analysis.fleet.report import _text, _when, write_fleet_report
 from contactsense.service.analysis.fleet.run import analyze_fleet
-from contactsense.service.analysis.fleet.segments import find_recordings, segments
 from contactsense.service.analysis.fleet.summary import RobotSummary
 from contactsense.service.analysis.fleet.worker_pool import WorkerPoolError, run_tasks
 from contactsense.service.cli.analyze import analyze
@@ -42,123 +41,6 @@ def _work(task: tuple[int, Path]) -> int:
     if number < 0:
         raise ValueError("negative")
     return number * number
-
-
-def test_recordings_and_their_place_in_the_dataset(tmp_path: Path) -> None:
-    data = dataset(tmp_path)
-    second = data / "robot=a" / "date=2026-01-02" / "one"
-    second.with_suffix(".parquet").rename(second.with_suffix(".Parquet"))
-    found = find_recordings((data,))
-    assert next((file.name, file.robot, file.date) for file in found) == (
-        "robot=a/date=2026-01-01/one.parquet", "a", "2026-01-01",
-    )  # fmt: skip
-    assert len(found) == 4
-    with pytest.raises(FileNotFoundError, match="found none"):
-        find_recordings((_empty(tmp_path),))
-
-
-def test_a_recording_has_its_own_date_where_no_folder_names_one(tmp_path: Path) -> None:
-    """That of UTC, as the names of its files; a conversion only has the time of the conversion."""
-    created = {"contactsense.created": "2026-03-01T23:30:00-02:00"}
-    made = metadata(Scene(robot="ur5e"), table="samples") | created
-    described = {
-        "robot=a/recorded.parquet": made,
-        "robot=a/date=2026-01-01/moved.parquet": made,
-        "robot=a/date=/unnamed.parquet": made,
-        "robot=a/converted.parquet": metadata(Scene(robot="ur5e")) | created,
-        "robot=a/damaged.parquet": made | {"contactsense.created": "yesterday"},
-        "robot=a/other.parquet": {},
-    }
-    table = pa.table({"timestamp": [0.0, 0.002]})
-    for name, meta in described.items():
-        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        pa_parquet.write_table(table.replace_schema_metadata(meta), tmp_path / name)
-    stream = tmp_path / "robot=a" / "killed.arrows"
-    with (
-        pa.OSFile(str(stream), "wb") as file,
-        pa.ipc.new_stream(file, table.schema.with_metadata(made)) as unfinished,
-    ):
-        unfinished.write_table(table)
-    (tmp_path / "robot=a" / "plain.csv").write_text("timestamp\n0\n")
-    (tmp_path / "robot=a" / "broken.parquet").write_bytes(b"broken")
-    found = {file.name.removeprefix("robot=a/"): file.date for file in find_recordings((tmp_path,))}
-    assert found == {
-        "recorded.parquet": "2026-03-02",
-        "killed.arrows": "2026-03-02",
-        "date=2026-01-01/moved.parquet": "2026-01-01",
-        "date=/unnamed.parquet": "2026-03-02",
-        **dict.fromkeys(
-            ("converted.parquet", "damaged.parquet", "other.parquet", "plain.csv", "broken.parquet"),
-            "unknown",
-        ),
-    }
-
-
-def test_recordings_of_the_same_name_in_several_folders_are_told_apart(tmp_path: Path, scene: Path) -> None:
-    paths = []
-    for name in ("first", "second"):
-        here = tmp_path / name / "robot=a"
-        here.mkdir(parents=True)
-        paths.append(write_motion(demo(), here / "one.parquet"))
-    found = find_recordings((*paths, paths[1].parent))
-    assert [file.name for file in found] == ["first/robot=a/one.parquet", "second/robot=a/one.parquet"]
-    summary = analyze_fleet(tuple(paths), scene, tmp_path / "out", workers=1)
-    (one,) = {summary.contacts["recording"].to_pylist().count(file.name) for file in found}
-    assert one > 0
-
-
-def test_what_a_recorder_that_was_killed_left_is_a_recording(tmp_path: Path, scene: Path) -> None:
-    """Its files have no end, and a name of their own."""
-    here = tmp_path / "robot=a" / "date=2026-01-01"
-    here.mkdir(parents=True)
-    table = pa_parquet.read_table(write_motion(demo(), tmp_path / "one.parquet", last=2500))
-    for name in ("samples-1.arrows", "wrench-1.arrows"):
-        with pa.OSFile(str(here / name), "wb") as file, pa.ipc.new_stream(file, table.schema) as stream:
-            stream.write_table(table, max_chunksize=500)
-    whole = (here / "samples-1.arrows").read_bytes()
-    (here / "samples-1.arrows").write_bytes(whole[: len(whole) * 9 // 10])
-    found = analyze_fleet((tmp_path / "robot=a",), scene, tmp_path / "out")
-    assert [robot.recordings for robot in found.robots] == [1]
-    assert found.contacts.num_rows >= 1
-    assert any("cut" in text or "ends" in text for text in found.problems)
-
-
-@pytest.mark.parametrize("out", ["data", "data/results", "data/robot=a"])
-def test_the_results_of_an_earlier_run_are_no_recordings(tmp_path: Path, out: str) -> None:
-    data, results = dataset(tmp_path / "data"), tmp_path / out
-    before = find_recordings((data,), results)
-    for name in ("contacts/robot=a/date=unknown/part-0", "parts/1/a-0", "robots", "days"):
-        (results / name).parent.mkdir(parents=True, exist_ok=True)
-        (results / f"{name}.parquet").touch()
-    assert find_recordings((data,), results) == before
-
-
-def _empty(tmp_path: Path) -> Path:
-    folder = tmp_path / "empty"
-    folder.mkdir()
-    return folder
-
-
-def test_segments_cover_a_recording_once(tmp_path: Path) -> None:
-    write_motion(demo(), tmp_path / "one.parquet", rounds=5)
-    (file,) = find_recordings((tmp_path / "one.parquet",))
-    found = list(segments(file, 30.0))
-    assert [segment.first for segment in found] == [0, 15000, 30000, 45000, 60000]
-    assert [segment.last for segment in found] == [15000, 30000, 45000, 60000, None]
-    assert found[3].begin == 15000
-    assert [segment.earliest for segment in found] == [0, 0, 0, 0, 0]
-
-
-@pytest.mark.parametrize(("unit", "count"), [("dates", 5), ("us", 1)])
-def test_segments_of_recordings_with_dates_or_another_unit(tmp_path: Path, unit: str, count: int) -> None:
-    """Dates ended in a traceback, microseconds in a segment for each sample."""
-    write_motion(demo(), tmp_path / "one.parquet", rounds=5)
-    table = pa_parquet.read_table(tmp_path / "one.parquet")
-    t = pa.array((1e6 * table["timestamp"].to_numpy()).astype(np.int64))
-    table = table.set_column(0, "timestamp", t.cast(pa.timestamp("us")) if unit == "dates" else t)
-    pa_parquet.write_table(table, tmp_path / "one.parquet")
-    (file,) = find_recordings((tmp_path / "one.parquet",))
-    assert len(list(segments(file, 30.0))) == count
 
 
 @pytest.mark.long
