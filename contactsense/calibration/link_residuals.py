@@ -79,8 +79,8 @@ def link_velocity_variance(
 ) -> np.ndarray:
     """Variance of `link_residuals` due to velocities and instants of the samples, shape (N, 6) [N^2, Nm^2];
     arguments as there."""
-    _, mount, sensor = _of(arm.scene, field)
-    covariance = velocity_covariance(_carried(arm, mount), recording, sensor, bandwidth)
+    _, mount, _ = _of(arm.scene, field)
+    covariance = velocity_covariance(_carried(arm, mount), recording, bandwidth)
     stated = _stated(_Poses.of(arm.scene, recording.q, mount), mount)
     # T C T^T, one side after the other.
     turned = stated.from_base(stated.from_base(covariance).transpose(0, 2, 1))

@@ -6,6 +6,8 @@ import numpy as np
 
 from contactsense.calibration.calibration_model import CalibrationModel
 from contactsense.calibration.free_motion import FreeMotion
+from contactsense.kinematics.composite_inertia import unit_momenta
+from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import Model, Motion, empty_motion
 from contactsense.kinematics.momenta import kinematics_and_momenta
 from contactsense.kinematics.spatial import dot6
@@ -14,11 +16,11 @@ from contactsense.residuals.inertia_torque import InertiaTorque, follow_inertia_
 from contactsense.residuals.joint_friction import JointTorqueModel, friction_torque
 from contactsense.residuals.momentum_observer import MomentumObserver, empty_observer
 from contactsense.residuals.timing_error import TimingError, advance_timing_error
-from contactsense.residuals.wrench_timing_error import WrenchTimingError, advance_wrench_timing_error
+from contactsense.residuals.velocity_noise import VelocityNoise, follow_velocity_noise
+from contactsense.residuals.wrench_velocity_error import WrenchVelocityError, advance_wrench_velocity_error
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.robots.jit.kernel import kernel
-from contactsense.sensors.settings import WrenchSensor
 
 GAP = 0.05
 """After a longer gap between two samples the observer restarts [s]."""
@@ -168,38 +170,39 @@ def timing_variance_and_inertia_torque(
 
 
 @kernel
-def _follow_base_momentum(
+def _follow_velocities(
     arm: Dynamics,
     joints: JointMotion,
-    variances: tuple[float, float],
     bandwidth: float,
-    timing_error: WrenchTimingError,
+    velocities: VelocityNoise,
+    error: WrenchVelocityError,
     out: np.ndarray,
 ) -> None:
-    motion = arm.motion
+    motion, none = arm.motion, (0.0, arm.model.com[0], arm.model.inertia[0])
     for i in range(joints.t.shape[0]):
-        kinematics_and_momenta(arm.model, joints.q[i], joints.qd[i], arm.gravity, motion)
         dt = time_step(joints.t, i)
-        advance_wrench_timing_error(timing_error, motion.momentum[0], variances, dt, bandwidth)
+        if follow_velocity_noise(velocities, joints.qd[i], dt):
+            forward_kinematics(arm.model, joints.q[i], motion)
+            unit_momenta(arm.model, motion, 1, none, error.unit_momentum)
+        advance_wrench_velocity_error(error, velocities, dt, bandwidth)
         for k in range(6):
-            copy(timing_error.covariance[k], out[i, k])
+            for m in range(6):
+                out[i, k, m] = error.noise[k, m] + error.instants[k, m]
 
 
-def velocity_covariance(
-    arm: CalibrationModel, recording: FreeMotion, sensor: WrenchSensor, bandwidth: float
-) -> np.ndarray:
+def velocity_covariance(arm: CalibrationModel, recording: FreeMotion, bandwidth: float) -> np.ndarray:
     """What a stream knows of the errors of the residual of a force/torque sensor that carries the whole arm,
-    due to velocities and instants of the samples (`contactsense.residuals.wrench_timing_error`).
+    due to the joint velocities (`contactsense.residuals.wrench_velocity_error`).
 
     Returns:
         Covariance at every sample, base axes, about the base origin, shape (N, 6, 6) [N^2, N Nm, Nm^2].
     """
     n = recording.q.shape[1]
     out = np.empty((len(recording.t), 6, 6))
-    _follow_base_momentum(
+    _follow_velocities(
         Dynamics(arm.model, arm.torque_model, arm.gravity, empty_motion(n)),
-        JointMotion(recording.t, recording.q, recording.qd),
-        (sensor.force_noise**2, sensor.moment_noise**2), bandwidth, zeros(WrenchTimingError), out,
+        JointMotion(recording.t, recording.q, recording.qd), bandwidth,
+        zeros(VelocityNoise, joints=n), zeros(WrenchVelocityError, joints=n), out,
     )  # fmt: skip
     return out
 

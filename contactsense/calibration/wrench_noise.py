@@ -1,7 +1,7 @@
 """Noise of the force/torque sensors, estimated after calibration.
 
 It is the larger one of two: the white noise of the readings themselves, and what a residual has beyond the
-errors that a stream knows of (`contactsense.residuals.wrench_timing_error`). The second includes errors of
+errors that a stream knows of (`contactsense.residuals.wrench_velocity_error`). The second includes errors of
 the model.
 """
 
@@ -59,7 +59,7 @@ def wrench_residuals(
     # The sensor's noise is about its own place.
     place = np.array(sensor.translation) + arm.shift
     move = np.linalg.inv(wrench_transform(np.eye(3), place))
-    covariance = velocity_covariance(arm, recording, sensor, bandwidth)[rows]
+    covariance = velocity_covariance(arm, recording, bandwidth)[rows]
     return WrenchResiduals(residual @ move.T, np.einsum("ij,njk,ik->ni", move, covariance, move), readings)
 
 

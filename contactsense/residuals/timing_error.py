@@ -11,7 +11,7 @@ independent for each sample, the variance follows
     v <- a^2 v + (K dt)^2 D^2 / 12,    a = exp(-K dt).
 
 It has no parameter, and vanishes with the sample interval. A contact changes dh/dt too, but its torque stays
-while this error decays. For wrenches, see `contactsense.residuals.wrench_timing_error`.
+while this error decays. For wrenches, see `contactsense.residuals.wrench_velocity_error`.
 """
 
 import math

@@ -91,7 +91,8 @@ class DetectableForce:
         ratio = float(self._variance_ratio[0])
         covariance = ratio * state.base_noise[:3, :3] + state.bias_filter.base_covariance[:3, :3]
         variances = ratio * self._constants.sensors.link_variance[:, 0]
-        variances += state.link_timing_error.covariance[:, 0, 0]
+        error = state.link_velocity_error
+        variances += error.noise[:, 0, 0] + error.instants[:, 0, 0]
         self.value = self._force(usable, self._lengths[key], covariance, variances)
         return self.value
 

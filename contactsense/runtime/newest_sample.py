@@ -63,7 +63,8 @@ def localize(
         bandwidth,
     )
     has_base, has_torque, link_sensors = usable_sensors(stream)
-    slid = choose_window(constants.sensors, state.base_noise, track, state.motion, has_base, dt, bandwidth)
+    base_noise = (state.base_noise, state.base_velocity_error.noise)
+    slid = choose_window(constants.sensors, base_noise, track, state.motion, has_base, dt, bandwidth)
     update_phase(track, slid, dt, bandwidth)
     window = track.status[0].window
     if window > 0:

@@ -12,6 +12,7 @@ from contactsense.residuals.friction_at_rest import TorqueVariance, energy_beyon
 from contactsense.residuals.model_correction import apply_correction
 from contactsense.residuals.observers import first_torque, parts_of
 from contactsense.residuals.residual_ewma import share_in_average
+from contactsense.residuals.wrench_velocity_error import noise_share_in_average, of_link_sensor
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import inlined_kernel
 from contactsense.runtime.state import State
@@ -106,7 +107,8 @@ def update_covariances(constants: Constants, state: State, variance_ratio: float
     _fill_covariances(constants, state, variance_ratio)
     trace = 0.0
     for i in range(6):
-        trace += state.bias_filter.base_covariance[i, i] + state.base_timing_error.covariance[i, i]
+        trace += state.bias_filter.base_covariance[i, i]
+        trace += state.base_velocity_error.noise[i, i] + state.base_velocity_error.instants[i, i]
     # Noise alone, as stated: the precomputed inverse holds.
     if trace > 0.0 or state.noise_scale.noise[BASE].scale > 1.0:
         invert_spd(state.base_covariance, state.base_information)
@@ -122,26 +124,28 @@ def _fill_covariances(constants: Constants, state: State, variance_ratio: float)
         state.torque_variance[j] = (
             _torque_noise(constants, state, j, variance_ratio) + bias_filter.torque_variance[j]
         )
-    # In an average the errors due to velocities, which decay as the residual does, have the share of
+    # In an average the errors due to the instants, which decay as the residual does, have the share of
     # low-passed noise.
     residual_ratio = _residual_ratio(state)
     share = variance_ratio / residual_ratio
+    noise_share = noise_share_in_average(min(share, 1.0), constants.bandwidth)
     for s in range(state.link_variance.shape[0]):
+        error = of_link_sensor(state.link_velocity_error, s)
         for i in range(6):
+            row = component_about(state.link_origin[s], i)
             noise = sensors.link_variance[s, i // 3] * variance_ratio
-            timing = quadratic_form(
-                state.link_timing_error.covariance[s], component_about(state.link_origin[s], i)
-            )
-            state.link_variance[s, i] = noise + state.link_mass_variance[s, i] + share * timing
+            noise += noise_share * quadratic_form(error.noise, row)
+            instants = share * quadratic_form(error.instants, row)
+            state.link_variance[s, i] = noise + state.link_mass_variance[s, i] + instants
     inverse_ratio, inverse_residual_ratio = 1.0 / variance_ratio, 1.0 / residual_ratio
-    noise_scale = state.noise_scale.noise[BASE].scale
+    noise_scale, error = state.noise_scale.noise[BASE].scale, state.base_velocity_error
     for i in range(6):
         for k in range(6):
             noise = (
-                noise_scale * sensors.base_covariance[i, k]
-                + state.base_timing_error.covariance[i, k] * inverse_residual_ratio
+                noise_scale * sensors.base_covariance[i, k] + error.instants[i, k] * inverse_residual_ratio
             )
-            state.base_noise[i, k] = noise
+            state.base_noise[i, k] = noise + error.noise[i, k] * inverse_residual_ratio
+            noise += noise_share * error.noise[i, k] * inverse_ratio
             state.base_covariance[i, k] = noise + bias_filter.base_covariance[i, k] * inverse_ratio
 
 
@@ -232,7 +236,8 @@ def update_bias_filter(
         for i in range(6):
             variance = (
                 constants.sensors.base_covariance[i, i] * state.noise_scale.noise[BASE].scale * variance_ratio
-                + state.base_timing_error.covariance[i, i]
+                + state.base_velocity_error.noise[i, i]
+                + state.base_velocity_error.instants[i, i]
             )
             update(bias_filter, n + i, n, state.base_wrench[i], variance * variance_inflation)
     apply_correction(

@@ -1,5 +1,6 @@
 """Residuals of one sample of a stream: kinematics, observers, noise. Nothing allocates memory."""
 
+from contactsense.kinematics.composite_inertia import unit_momenta
 from contactsense.kinematics.momenta import body_momentum_and_weight, kinematics_and_momenta
 from contactsense.kinematics.spatial import component_about, dot6
 from contactsense.residuals.bias_filter import mass_variance, predict
@@ -15,7 +16,8 @@ from contactsense.residuals.momentum_observer import group_of
 from contactsense.residuals.noise_scale import follow_noise
 from contactsense.residuals.observers import ResidualParts, start_steps
 from contactsense.residuals.timing_error import advance_timing_error
-from contactsense.residuals.wrench_timing_error import advance_wrench_timing_error, of_link_sensor
+from contactsense.residuals.velocity_noise import follow_velocity_noise
+from contactsense.residuals.wrench_velocity_error import advance_wrench_velocity_error, of_link_sensor
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import inlined_kernel
 from contactsense.runtime.state import State
@@ -83,6 +85,7 @@ def update_residuals(constants: Constants, state: State) -> None:
     motion, stream, bandwidth = state.motion, state.stream, constants.bandwidth
     model, torque_model, unbiased_wrench = state.model, state.torque_model, state.unbiased_wrench
     qd, torque, steps = stream.qd, stream.torque, stream.steps
+    follow_velocity_noise(state.velocity_noise, qd, stream.clock[0].step)
     kinematics_and_momenta(model, stream.q, qd, constants.gravity, motion)
     update_link_sensors(constants, state)
     for i in range(6):
@@ -154,18 +157,29 @@ def follow_noise_and_timing(constants: Constants, state: State) -> None:
         stream.steps[TORQUE],
     )
     advance_timing_error(state.timing_error, state.observers.joints.momentum, stream.steps[TORQUE], bandwidth)
-    # The base's own frame is the base frame.
-    momentum, covariance = state.observers.base.momentum[:6], constants.sensors.base_covariance
-    variances = (covariance[0, 0], covariance[3, 3])
-    advance_wrench_timing_error(state.base_timing_error, momentum, variances, stream.steps[BASE], bandwidth)
-    for s in range(state.link_load.shape[0]):
-        noise = constants.sensors.link_variance[s]
-        advance_wrench_timing_error(
-            of_link_sensor(state.link_timing_error, s), state.link_load[s, 0], (noise[0], noise[1]),
-            stream.steps[LINK + s], bandwidth,
-        )  # fmt: skip
+    _advance_velocity_errors(constants, state)
     follow_inertia_torque(state.inertia_torque, state.timing_error.rate, stream.steps[TORQUE], bandwidth)
     copy(state.stream_unmodelled_std, state.unmodelled_std)
+
+
+@inlined_kernel
+def _advance_velocity_errors(constants: Constants, state: State) -> None:
+    """Errors of the wrenches due to the joint velocities; where `State.velocity_noise` says so, the poses in
+    `state` are those of this sample."""
+    velocities, steps, bandwidth = state.velocity_noise, state.stream.steps, constants.bandwidth
+    changed = velocities.history[0].due
+    base, sensors = state.base_velocity_error, constants.link_sensors
+    if changed:
+        # The base itself does not move.
+        none = (0.0, state.model.com[0], state.model.inertia[0])
+        unit_momenta(state.model, state.motion, 1, none, base.unit_momentum)
+    advance_wrench_velocity_error(base, velocities, steps[BASE], bandwidth)
+    for s in range(state.link_load.shape[0]):
+        error = of_link_sensor(state.link_velocity_error, s)
+        if changed:
+            part = (sensors.mass[s], sensors.com[s], sensors.inertia[s])
+            unit_momenta(state.model, state.motion, sensors.first_body[s], part, error.unit_momentum)
+        advance_wrench_velocity_error(error, velocities, steps[LINK + s], bandwidth)
 
 
 @inlined_kernel

@@ -18,6 +18,7 @@ from contactsense.residuals.simd_equations import (
     advance_torque_difference,
     equations_in_lanes,
 )
+from contactsense.residuals.velocity_noise import follow_velocity_noise
 from contactsense.robots.jit.kernel import inlined_kernel
 from contactsense.runtime.detection import conclude, decide
 from contactsense.runtime.residual_update import (
@@ -81,7 +82,8 @@ def detect_in_lane(
     if flags & RESTARTED:
         end_contact(state.track)
     copied = (
-        _has_link_sensor(state)
+        follow_velocity_noise(state.velocity_noise, stream.qd, stream.clock[0].step)
+        or _has_link_sensor(state)
         or state.bias_filter.status[0].estimates_masses
         or state.track.status[0].phase != NONE
     )

@@ -18,7 +18,8 @@ from contactsense.residuals.observers import Observers
 from contactsense.residuals.residual_ewma import ResidualEwma
 from contactsense.residuals.sensor_consistency import SensorConsistency
 from contactsense.residuals.timing_error import TimingError
-from contactsense.residuals.wrench_timing_error import WrenchTimingError
+from contactsense.residuals.velocity_noise import VelocityNoise
+from contactsense.residuals.wrench_velocity_error import WrenchVelocityError
 from contactsense.robots.jit.declaration import Floats, Integers, Sized
 from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.runtime.answer import Answer
@@ -62,9 +63,11 @@ class State(NamedTuple):
     """Noise of the sensors in units of the stated one."""
     timing_error: TimingError
     """Error of the torques' residuals due to the instants of the samples."""
-    base_timing_error: WrenchTimingError
-    """Error of the base wrench's residual due to velocities and instants of the samples."""
-    link_timing_error: Annotated[WrenchTimingError, Sized("link_sensors")]
+    velocity_noise: VelocityNoise
+    """Noise of the joint velocities, and sudden changes of the accelerations."""
+    base_velocity_error: WrenchVelocityError
+    """Error of the base wrench's residual due to the joint velocities."""
+    link_velocity_error: Annotated[WrenchVelocityError, Sized("link_sensors")]
     """That of each link sensor's."""
     inertia_torque: InertiaTorque
     """Inertia torques, to which the torques' model error is in part proportional."""

@@ -59,8 +59,10 @@ def take_static_residuals(
     state.bias_filter.torque_variance[:] = 0.0
     state.link_mass_variance[:] = 0.0
     state.timing_error.variance[:] = 0.0
-    state.base_timing_error.covariance[:] = 0.0
-    state.link_timing_error.covariance[:] = 0.0
+    state.base_velocity_error.noise[:] = 0.0
+    state.base_velocity_error.instants[:] = 0.0
+    state.link_velocity_error.noise[:] = 0.0
+    state.link_velocity_error.instants[:] = 0.0
     state.inertia_torque.present[:] = 0.0
     for i in range(len(state.noise_scale.noise)):
         state.noise_scale.noise[i].scale = 1.0

@@ -60,8 +60,11 @@ class Window:
     """Along the second one [m]."""
     normal_force: float
     """Force along the outward normal, negative where it pushes [N]."""
-    noise_to_force: float
-    """`variance_ratio` over the square of the normal force [1/N^2]."""
+    moment_xx: float
+    moment_xy: float
+    moment_yy: float
+    """Covariance of the moment of its mean about the last point, tangential components, from noise
+    [N^2 m^2]."""
 
 
 class ContactTrack(NamedTuple):
@@ -74,8 +77,6 @@ class ContactTrack(NamedTuple):
     """Point of the last estimate, in the frame of its body [m]."""
     last_normal: Annotated[Floats, "3"]
     """Its outward normal, in the same frame."""
-    moment_covariance: Annotated[Floats, "3"]
-    """Scratch: covariance of the moment about the last point, tangential components, as xx, xy, yy."""
     link_weight: Annotated[Floats, "links"]
     """Sum of each link's probability over the samples of the contact, or of the last one, weighted by their
     energies."""

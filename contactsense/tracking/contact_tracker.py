@@ -23,10 +23,11 @@ from contactsense.isolation.link_hypotheses import SensorModel
 from contactsense.kinematics.model import Motion
 from contactsense.kinematics.spatial import Six, dot6
 from contactsense.residuals.observers import first_torque
+from contactsense.residuals.wrench_velocity_error import noise_share_in_average
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.vectors import Vector, cross, rotate, tangents, vector
-from contactsense.tracking.contact_track import HOLD, NEW, NONE, SLIDE, WINDOWS, ContactTrack
+from contactsense.tracking.contact_track import HOLD, NEW, NONE, SLIDE, WINDOWS, ContactTrack, Window
 from contactsense.tracking.window_averages import WINDOW_GROWTH
 
 AGREE, AGREE_HOLDING, DISAGREE = 1.5, 4.0, 9.0
@@ -50,7 +51,7 @@ HOLD_TIME_CONSTANTS = 20.0
 @kernel
 def choose_window(
     sensors: SensorModel,
-    base_noise: np.ndarray,
+    base_noise: tuple[np.ndarray, np.ndarray],
     track: ContactTrack,
     motion: Motion,
     has_base: bool,
@@ -66,7 +67,8 @@ def choose_window(
 
     Args:
         sensors: Noise of one sample of the joint torques.
-        base_noise: Covariance of that of the base wrench, shape (6, 6).
+        base_noise: Covariance of white noise of the base wrench, see `contactsense.runtime.state.State`, and
+            that of the newest residual due to the velocities' noise, which is a part of it, shape (6, 6).
         track: Changed in place: the chosen window, and windows that are restarted.
         motion: Poses.
         has_base: Whether the base sensor's residual can be used. Without it windows agree as long as the
@@ -84,8 +86,8 @@ def choose_window(
     slid = False
     agreement = AGREE_HOLDING if status.phase == HOLD else AGREE
     if has_base:
-        _position_covariance(base_noise, motion, track)
         _window_positions(track)
+        _moment_covariances(base_noise, motion, track, bandwidth)
     for i in range(1, WINDOWS):
         max_distance = -1.0
         for j in range(i):
@@ -119,16 +121,18 @@ def _most_precise_window(track: ContactTrack, longest_window: int) -> int:
     """The window up to `longest_window`, all of which agree, whose mean gives the most precise position."""
     best = 0
     if track.windows[0].normal_force < 0.0:
+        least = _position_variance(track.windows[0])
         for i in range(1, longest_window + 1):
-            window, other = track.windows[i], track.windows[best]
-            normal_force, best_force = window.normal_force, other.normal_force
-            if (
-                normal_force < 0.0
-                and window.variance_ratio * best_force * best_force
-                <= other.variance_ratio * normal_force * normal_force
-            ):
-                best = i
+            window = track.windows[i]
+            if window.normal_force < 0.0 and _position_variance(window) <= least:
+                best, least = i, _position_variance(window)
     return best
+
+
+@kernel
+def _position_variance(window: Window) -> float:
+    """Of the position of a window, both tangents together, from noise [m^2]."""
+    return float((window.moment_xx + window.moment_yy) / (window.normal_force * window.normal_force))
 
 
 @kernel
@@ -152,12 +156,14 @@ def _window_positions(track: ContactTrack) -> None:
         window.x = -(bx * rx + by * ry + bz * rz) / normal_force
         window.y = (ax * rx + ay * ry + az * rz) / normal_force
         window.normal_force = normal_force
-        window.noise_to_force = window.variance_ratio / (normal_force * normal_force)
 
 
 @kernel
-def _position_covariance(base_noise: np.ndarray, motion: Motion, track: ContactTrack) -> None:
-    """Covariance of (n x r) in the tangent plane, for the noise of one sample of the base sensor."""
+def _moment_covariances(
+    base_noise: tuple[np.ndarray, np.ndarray], motion: Motion, track: ContactTrack, bandwidth: float
+) -> None:
+    """Covariance of (n x r) in the tangent plane, for the mean of each window; arguments as for
+    `choose_window`. The velocities' noise averages out faster than that of the sensor."""
     p, normal, body = track.last_point, track.last_normal, track.status[0].last_body
     R, o = motion.rotation[body], motion.origin[body]
     cx = o[0] + R[0, 0] * p[0] + R[0, 1] * p[1] + R[0, 2] * p[2]
@@ -165,14 +171,28 @@ def _position_covariance(base_noise: np.ndarray, motion: Motion, track: ContactT
     cz = o[2] + R[2, 0] * p[0] + R[2, 1] * p[1] + R[2, 2] * p[2]
     along_a, along_b = tangents(vector(normal))
     a, b = _moment_row(R, along_a, (cx, cy, cz)), _moment_row(R, along_b, (cx, cy, cz))
-    # Along the tangents a and b, n x r has the components -b . r and a . r.
+    whole = _tangential_covariance(base_noise[0], a, b)
+    of_velocities = _tangential_covariance(base_noise[1], a, b)
+    newest = track.windows[0].variance_ratio
+    for i in range(WINDOWS):
+        window = track.windows[i]
+        share = min(window.variance_ratio / newest, 1.0)
+        less = share - noise_share_in_average(share, bandwidth)
+        window.moment_xx = window.variance_ratio * whole[0] - less * of_velocities[0]
+        window.moment_xy = window.variance_ratio * whole[1] - less * of_velocities[1]
+        window.moment_yy = window.variance_ratio * whole[2] - less * of_velocities[2]
+
+
+@kernel
+def _tangential_covariance(covariance: np.ndarray, a: Six, b: Six) -> Vector:
+    """Of n x r, as xx, xy, yy: along the tangents a and b it has the components -b . r and a . r."""
     xx, xy, yy = 0.0, 0.0, 0.0
     for i in range(6):
-        Ca, Cb = dot6(base_noise[i], a), dot6(base_noise[i], b)
+        Ca, Cb = dot6(covariance[i], a), dot6(covariance[i], b)
         xx += b[i] * Cb
         xy -= a[i] * Cb
         yy += a[i] * Ca
-    track.moment_covariance[0], track.moment_covariance[1], track.moment_covariance[2] = xx, xy, yy
+    return xx, xy, yy
 
 
 @kernel
@@ -189,10 +209,11 @@ def _position_distance(track: ContactTrack, i: int, j: int) -> float:
     first, second = track.windows[i], track.windows[j]
     if not second.normal_force < 0.0 or not first.normal_force < 0.0:
         return 0.5 * (AGREE + DISAGREE)  # no force into the surface: the position is undefined
-    weight = max(second.noise_to_force, first.noise_to_force)
-    xx = weight * track.moment_covariance[0] + POSITION_TOLERANCE * POSITION_TOLERANCE
-    xy = weight * track.moment_covariance[1]
-    yy = weight * track.moment_covariance[2] + POSITION_TOLERANCE * POSITION_TOLERANCE
+    noisier = first if _position_variance(first) > _position_variance(second) else second
+    weight = 1.0 / (noisier.normal_force * noisier.normal_force)
+    xx = weight * noisier.moment_xx + POSITION_TOLERANCE * POSITION_TOLERANCE
+    xy = weight * noisier.moment_xy
+    yy = weight * noisier.moment_yy + POSITION_TOLERANCE * POSITION_TOLERANCE
     dx, dy = first.x - second.x, first.y - second.y
     squared_distance = (yy * dx * dx - 2.0 * xy * dx * dy + xx * dy * dy) / (xx * yy - xy * xy)
     return float(0.5 * (squared_distance - 2.0))

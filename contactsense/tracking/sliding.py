@@ -97,7 +97,7 @@ def extrapolate_sliding(
 @kernel
 def _regress(track: ContactTrack) -> _Slide:
     """Place and velocity by weighted least squares from the windows."""
-    status, noise = track.status[0], 0.5 * (track.moment_covariance[0] + track.moment_covariance[2])
+    status = track.status[0]
     used, slides = track.windows[status.window], status.phase == SLIDE
     # Sums of the normal equations for p and v, with places relative to that of the window in use.
     pp, pv, vv, px, py, vx, vy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -106,11 +106,11 @@ def _regress(track: ContactTrack) -> _Slide:
     # A longer window than the one in use may reach back to before the slide; the next one is near enough.
     for i in range(min(status.window + 1, WINDOWS - 1) if slides else status.window, -1, -1):
         window = track.windows[i]
-        F = window.normal_force
-        if not F < 0.0 or (longer_force < 0.0 and not window.variance_ratio > longer_variance):
+        F, variance = window.normal_force, 0.5 * (window.moment_xx + window.moment_yy)
+        if not F < 0.0 or (longer_force < 0.0 and not variance > longer_variance):
             continue
         age, x, y = F * window.age, F * (window.x - used.x), F * (window.y - used.y)
-        weight = 1.0 / ((window.variance_ratio - longer_variance) * noise + (POSITION_TOLERANCE * F) ** 2)
+        weight = 1.0 / (variance - longer_variance + (POSITION_TOLERANCE * F) ** 2)
         of_place, of_velocity = F - longer_force, longer_age - age
         pp += weight * of_place * of_place
         pv += weight * of_place * of_velocity
@@ -119,13 +119,14 @@ def _regress(track: ContactTrack) -> _Slide:
         py += weight * of_place * (y - longer_y)
         vx += weight * of_velocity * (x - longer_x)
         vy += weight * of_velocity * (y - longer_y)
-        longer_variance, longer_force = window.variance_ratio, F
+        longer_variance, longer_force = variance, F
         longer_age, longer_x, longer_y = age, x, y
     information = max(vv - pv * pv / pp, 0.0) + 1.0 / (_SPEED * _SPEED)
     velocity_x, velocity_y = (vx - pv * px / pp) / information, (vy - pv * py / pp) / information
     log_odds = 0.5 * information * (velocity_x * velocity_x + velocity_y * velocity_y)
     odds = _PROBABILITY * math.exp(min(log_odds, _MAX_LOG_ODDS)) / (_SPEED * _SPEED * information)
-    of_window = used.noise_to_force * noise + POSITION_TOLERANCE * POSITION_TOLERANCE
+    of_moment = 0.5 * (used.moment_xx + used.moment_yy)
+    of_window = of_moment / used.normal_force**2 + POSITION_TOLERANCE * POSITION_TOLERANCE
     variance = 1.0 / pp + (pv / pp) ** 2 / information - of_window
     return _Slide(
         (px - pv * velocity_x) / pp,

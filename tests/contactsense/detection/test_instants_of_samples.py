@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from contactsense import Localizer, Sample, Scene, robots
+from contactsense.service.mock.measured_velocity import measured_velocity
 from contactsense.service.mock.newton_euler import inverse_dynamics
 from contactsense.service.mock.script import Script
 from contactsense.service.mock.simulated_arm import simulate
@@ -40,11 +41,13 @@ def ramps(chance: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarr
     return t, HOME + np.outer(position, SHARE), np.outer(velocity, SHARE), np.outer(a[k], SHARE)
 
 
-def test_where_accelerations_jump_there_is_no_contact(localizer: Localizer) -> None:
-    """As at the end of a ramp of the speed slider."""
+@pytest.mark.parametrize("noise", [0.0, 0.0003, 0.001, 0.003])
+def test_where_accelerations_jump_there_is_no_contact(localizer: Localizer, noise: float) -> None:
+    """As at the end of a ramp of the speed slider; `noise`: of the velocities."""
     chance = np.random.default_rng(0)
     t, q, qd, qdd = ramps(chance)
     torque, base = inverse_dynamics(robots.load("ur5e"), q, qd, qdd)
+    qd = measured_velocity(qd, noise, chance)
     torque += chance.standard_normal(torque.shape)
     base += NOISE * chance.standard_normal(base.shape)
     localizer.reset()
@@ -73,3 +76,36 @@ def test_noise_of_the_velocities_is_no_contact_and_hides_none(localizer: Localiz
     assert len(onsets) == len(begins)
     np.testing.assert_allclose(onsets, begins, atol=0.05)
     assert links == {contact.link for contact in script.contacts}
+
+
+def test_a_force_that_rises_while_the_arm_moves_is_one_contact(localizer: Localizer) -> None:
+    """The velocities of some joints begin to have noise meanwhile, those of others cease to."""
+    demo = Script.demo()
+    to = [tuple(HOME + 0.5 * SHARE * np.cos(np.arange(6) + k)) for k in range(6)]
+    moves = [{"to": end, "duration": 1.6, "dwell": 0.0} for end in to for _ in range(2)]
+    pushes = [contact for contact in demo.contacts if contact.push is not None]
+    contacts = [
+        pushes[k % len(pushes)].model_copy(
+            update={"start": 1.0 + 1.2 * k, "duration": 0.9, "ramp": 0.35, "push": 12.0}
+        )
+        for k in range(14)
+    ]
+    script = demo.model_copy(
+        update={
+            "noise": demo.noise.model_copy(update={"joint_velocity": 0.001}),
+            "trajectory": type(demo.trajectory).model_validate({"start": tuple(HOME), "moves": moves}),
+            "contacts": tuple(contacts),
+        }
+    )
+    motion = simulate(script)
+    localizer.reset()
+    found = []
+    for i, t in enumerate(motion.t.tolist()):
+        sample = Sample(t, motion.q[i], motion.qd[i], motion.joint_torque[i], motion.base_wrench[i])
+        found += [(t, event.kind) for event in localizer.step(sample).events]
+    for contact in contacts:
+        end = contact.start + contact.duration
+        kinds = [kind for t, kind in found if contact.start <= t < end - 0.1]
+        assert kinds[0] == "onset"
+        assert not {"release", "resume"} & set(kinds)
+    assert [kind for _, kind in found].count("onset") == len(contacts)

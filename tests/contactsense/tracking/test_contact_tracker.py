@@ -17,7 +17,7 @@ from contactsense.residuals.residual_ewma import ResidualEwma
 from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.scene_model.constants import build_constants
 from contactsense.tracking.contact_track import WINDOWS, ContactTrack
-from contactsense.tracking.contact_tracker import _position_covariance, _window_positions, choose_window
+from contactsense.tracking.contact_tracker import _moment_covariances, _window_positions, choose_window
 from contactsense.tracking.window_averages import average_windows, restart_windows
 from tests.plain_arm import plain_ur5e
 
@@ -275,8 +275,9 @@ def test_stated_covariance_of_a_position_on_the_tangent_plane() -> None:
         track.mean[:, 6 * LINK : 6 * LINK + 6] = np.hstack((f @ R, m @ R))
         _window_positions(track)
         positions += [np.array([track.windows[i].x, track.windows[i].y]) for i in range(WINDOWS)]
-    _position_covariance(constants.sensors.base_covariance, motion, track)
-    xx, xy, yy = track.moment_covariance / 20.0**2
+    _moment_covariances((constants.sensors.base_covariance, np.zeros((6, 6))), motion, track, 10.0)
+    window = track.windows[2]
+    xx, xy, yy = np.array([window.moment_xx, window.moment_xy, window.moment_yy]) / 20.0**2
     np.testing.assert_allclose(np.mean(positions, axis=0), 0.0, atol=1e-3)
     found = np.cov(np.array(positions).T)
     np.testing.assert_allclose(found, [[xx, xy], [xy, yy]], atol=0.03 * np.trace(found))
@@ -295,7 +296,8 @@ def test_a_sustained_contact_begins_with_the_average_that_showed_it(sustained: b
     average_windows(track, ewma, observers, 0.06, 2, 0.002, 10.0)
     motion, scene = empty_motion(6), Scene(robot=ARM, base_wrench=None)
     sensors = build_constants(scene).sensors
-    assert not choose_window(sensors, sensors.base_covariance, track, motion, False, 0.002, 10.0)
+    noise = (sensors.base_covariance, np.zeros((6, 6)))
+    assert not choose_window(sensors, noise, track, motion, False, 0.002, 10.0)
     np.testing.assert_array_equal(track.mean[0, first_torque(6) : first_torque(6) + 6], 1.0)
     if sustained:
         np.testing.assert_array_equal(track.mean[1:], 2.0)

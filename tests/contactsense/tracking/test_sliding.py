@@ -72,12 +72,11 @@ def extrapolated(
     status = track.status[0]
     status.window, status.phase, status.last_body = in_use, phase, 0
     track.last_normal[:] = 0.0, 0.0, 1.0
-    track.moment_covariance[:] = 1.0, 0.0, 1.0
     for i in range(len(AGES)):
         window = track.windows[i]
         window.age, window.normal_force = ages[i], forces[i]
-        (window.x, window.y), window.noise_to_force = place[i], noise[i] ** 2
-        window.variance_ratio = (noise[i] * forces[i]) ** 2
+        window.x, window.y = place[i]
+        window.moment_xx = window.moment_yy = (noise[i] * forces[i]) ** 2
     point, base, covariance = np.zeros(3), np.zeros(3), np.zeros((3, 3))
     extrapolate_sliding(track, motion, body, point, base, covariance)
     np.testing.assert_array_equal(point, base)

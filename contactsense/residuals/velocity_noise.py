@@ -1,0 +1,169 @@
+"""Noise of the joint velocities, and sudden changes of the accelerations, from the velocities themselves.
+
+Both appear in the second difference of a joint's velocity. With D the change of its acceleration from one
+step to the next, white noise of variance v in the velocity gives D the variance
+
+    g v,    g = 2 / dt^2 + 2 / dt0^2 + 2 / (dt dt0)    for steps dt0 and dt.
+
+- **Noise.** D^2 / g is followed as v, as an average over `NOISE_TIME`. What exceeds `LARGEST_DEVIATION`
+  standard deviations of it does not count.
+- **Sudden changes**, as in a hard stop or at the end of a ramp of the speed. They come in all joints at once,
+  and are longer than noise that they are no larger than: an error of up to dt in time makes the velocity
+  wrong by D dt, twice as much as noise of the same D. So with Q the sum of D^2 / (g v) over the n joints that
+  move, the share 1 - n / Q of D^2 counts as a change of the accelerations, if it is positive.
+
+A joint at rest reports zero velocity, so it has no noise, and g has fewer terms in the first samples after
+rest. When it moves again, it begins with the noise that it had. Before it has ever moved, that of a real arm
+is assumed. In its first samples all of D is noise, and the largest of them counts.
+"""
+
+import math
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from contactsense.robots.jit.declaration import Floats, Integers, Records, record
+from contactsense.robots.jit.kernel import inlined_kernel
+
+NOISE_TIME = 0.1
+"""Time constant of the average [s]: many samples, and short beside changes of the motion."""
+LARGEST_DEVIATION = 3.0
+"""Standard deviations of D that count as noise."""
+PRIOR_NOISE = 0.001
+"""Standard deviation of the velocities of a real UR10e [rad/s], see
+`tests/contactsense/residuals/test_real_velocities.py`."""
+PRIOR_SAMPLES, FIRST_SAMPLES = 2.0, 10.0
+"""Number of samples that it counts for, and number up to which all of D is noise."""
+REFRESH_TIME, REFRESH_CHANGE, REFRESH_SHARE = 0.02, 1.2, 0.8
+"""What depends on the noise and the posture is worked out again after this time [s], in which no link moves
+far, when the sum of the variances has changed by this factor, or for a change of the accelerations of which
+the share in D^2 is larger than this."""
+_LEAST_VARIANCE = 1e-30
+"""Where velocities have no noise at all [rad^2/s^2]."""
+_NONE = (0.0, 0.0, 0.0)
+
+
+@record
+class VelocitySamples:
+    """What is known of the samples so far."""
+
+    count: int
+    """Number of samples since the start."""
+    step: float
+    """Last step [s]."""
+    age: float
+    """Time since what depends on the noise was worked out [s]."""
+    sum_then: float
+    """Sum of the variances of the joints that moved then [rad^2/s^2]."""
+    due: bool
+    """Whether it is to be worked out again in this sample."""
+    changes: bool
+    """Whether accelerations have changed at once in this sample."""
+
+
+class VelocityNoise(NamedTuple):
+    """State for n joints."""
+
+    velocity: Annotated[Floats, "joints"]
+    """At the last sample [rad/s]."""
+    acceleration: Annotated[Floats, "joints"]
+    """Change of the velocity per time up to that sample [rad/s^2]."""
+    variance: Annotated[Floats, "joints"]
+    """v of each joint, when it last moved [rad^2/s^2]."""
+    present: Annotated[Floats, "joints"]
+    """v in this sample: zero for a joint at rest [rad^2/s^2]."""
+    moving: Annotated[Integers, "joints"]
+    """Number of samples since the joint was at rest."""
+    samples: Annotated[Floats, "joints"]
+    """Number of samples that `variance` counts for; 0: it has never moved."""
+    change: Annotated[Floats, "joints"]
+    """Sudden change of the acceleration at this sample, as far as it is no noise [rad/s^2]."""
+    history: Annotated[Records[VelocitySamples], "1"]
+
+
+@inlined_kernel
+def follow_velocity_noise(state: VelocityNoise, qd: np.ndarray, dt: float) -> bool:
+    """Process the velocities of one sample.
+
+    Args:
+        state: Changed in place.
+        qd: Velocity of each joint, shape (n,) [rad/s].
+        dt: Time since the last sample [s]; 0 restarts.
+
+    Returns:
+        `VelocitySamples.due`: whether the poses of this sample are needed.
+    """
+    history = state.history[0]
+    if dt <= 0.0:
+        history.count, history.age, history.sum_then = 0, 0.0, 0.0
+        state.samples[:] = 0.0
+        state.moving[:] = 0
+    # 1 / dt, 1 / dt0, and the least weight of a sample.
+    rates = (1.0 / dt, 1.0 / history.step, -math.expm1(-dt / NOISE_TIME)) if history.count >= 2 else _NONE
+    per_time = 1.0 / dt if history.count >= 1 else 0.0
+    total, begins, moving, squares = 0.0, False, 0, 0.0
+    for j in range(qd.shape[0]):
+        state.change[j], before = 0.0, state.present[j]
+        acceleration = (qd[j] - state.velocity[j]) * per_time
+        # The acceleration of a joint that comes to rest may change after its velocity has vanished.
+        if qd[j] == 0.0 and state.velocity[j] == 0.0 and state.acceleration[j] == 0.0:
+            state.present[j], state.moving[j] = 0.0, 0
+        else:
+            state.moving[j] += 1
+            if state.samples[j] == 0.0:
+                state.variance[j], state.samples[j] = PRIOR_NOISE * PRIOR_NOISE, PRIOR_SAMPLES
+            if history.count >= 2:
+                state.change[j] = acceleration - state.acceleration[j]
+                squares += _follow_change(state, j, rates)
+                moving += 1
+            else:
+                state.present[j] = state.variance[j]
+        begins = begins or (state.present[j] > 0.0) != (before > 0.0)
+        total += state.present[j]
+        state.acceleration[j], state.velocity[j] = acceleration, qd[j]
+    history.count += 1
+    history.step = dt
+    history.age += dt
+    share = 1.0 - moving / squares if squares > moving else 0.0
+    history.changes = share > 0.0
+    for j in range(qd.shape[0]):
+        state.change[j] *= math.sqrt(share)
+    then = history.sum_then
+    history.due = (
+        begins
+        or share > REFRESH_SHARE
+        or (total > 0.0 and history.age >= REFRESH_TIME)
+        or total > REFRESH_CHANGE * then
+        or total * REFRESH_CHANGE < then
+    )
+    if history.due:
+        history.age, history.sum_then = 0.0, total
+    return bool(history.due)
+
+
+@inlined_kernel
+def _follow_change(state: VelocityNoise, j: int, rates: tuple[float, float, float]) -> float:
+    """Let D of joint j, which is in `change`, count towards its noise.
+
+    Args:
+        rates: 1 / dt and 1 / dt0 [1/s], and the least weight of a sample.
+
+    Returns:
+        D^2 / (g v).
+    """
+    newest, before, least_weight = rates
+    g, moving = newest * newest, state.moving[j]
+    if moving >= 2:
+        g += (newest + before) ** 2
+    if moving >= 3:
+        g += before * before
+    square, first = state.change[j] * state.change[j] / g, state.samples[j] < FIRST_SAMPLES
+    known = state.variance[j]
+    counted = square if first else min(square, LARGEST_DEVIATION * LARGEST_DEVIATION * known)
+    state.samples[j] += 1.0
+    weight = max(1.0 / state.samples[j], least_weight)
+    state.variance[j] += weight * (counted - known)
+    if first:
+        known = max(known, state.present[j], square)
+    state.present[j] = known if first else state.variance[j]
+    return float(square / max(known, _LEAST_VARIANCE))

@@ -1,0 +1,121 @@
+"""Noise of the joint velocities and sudden changes of the accelerations."""
+
+import numpy as np
+import pytest
+
+from contactsense.residuals.velocity_noise import PRIOR_NOISE, VelocityNoise, follow_velocity_noise
+from contactsense.robots.jit.flat_buffers import zeros
+
+
+def followed(velocity: np.ndarray, dt: float | np.ndarray = 0.002) -> list[VelocityNoise]:
+    """The state after each sample, for velocities (N, n)."""
+    state = zeros(VelocityNoise, joints=velocity.shape[1])
+    steps = np.broadcast_to(dt, len(velocity)).copy()
+    steps[0] = 0.0
+    found = []
+    for qd, step in zip(velocity, steps.tolist(), strict=True):
+        follow_velocity_noise(state, qd, step)
+        found.append(VelocityNoise(*(np.array(array) for array in state)))
+    return found
+
+
+@pytest.mark.parametrize("dt", [0.002, 0.008, 0.01])
+@pytest.mark.parametrize("jitter", [0.0, 0.4])
+@pytest.mark.parametrize("deviation", [0.0003, 0.001, 0.01])
+def test_noise_is_measured_beneath_a_motion(dt: float, jitter: float, deviation: float) -> None:
+    chance = np.random.default_rng(0)
+    steps = dt * (1.0 + jitter * chance.uniform(-1.0, 1.0, 4000))
+    t = np.cumsum(steps)
+    motion = np.stack((0.5 * np.sin(0.8 * t), 1.0 + 0.2 * np.cos(t)), axis=1)
+    found = followed(motion + deviation * chance.standard_normal(motion.shape), steps)
+    variance = np.mean([state.present for state in found[1000:]], axis=0)
+    # What exceeds three standard deviations counts less: 1 % of the variance.
+    np.testing.assert_allclose(np.sqrt(variance), deviation, rtol=0.06)
+
+
+@pytest.mark.parametrize("joints", [1, 6])
+def test_white_noise_hardly_counts_as_a_sudden_change(joints: int) -> None:
+    """The excess of a chi-square variable over its mean: for one joint half of the variance, for six a
+    quarter."""
+    chance, deviation, dt = np.random.default_rng(1), 0.001, 0.002
+    found = followed(0.3 + deviation * chance.standard_normal((5000, joints)), dt)
+    change = np.array([state.change for state in found[500:]])
+    share = np.mean(change**2) / (6.0 * (deviation / dt) ** 2)
+    assert share < (0.55 if joints == 1 else 0.3)
+
+
+@pytest.mark.parametrize("deviation", [0.0, 0.001])
+def test_a_hard_stop_is_a_sudden_change_and_hardly_noise(deviation: float) -> None:
+    chance, t = np.random.default_rng(2), 0.002 * np.arange(600)
+    speed = np.clip(1.0 - 30.0 * (t - 1.0), 0.1, 1.0)
+    found = followed((speed + deviation * chance.standard_normal(len(t)))[:, None])
+    begins = int(np.argmax(t > 1.0))
+    around = np.array([state.change[0] for state in found[begins - 1 : begins + 2]])
+    assert np.abs(around).max() > 15.0
+    assert around.sum() == pytest.approx(-30.0, abs=10.0)
+    assert found[begins + 5].present[0] < 2.0 * found[begins - 5].present[0] + 1e-9
+
+
+def test_an_acceleration_that_vanishes_after_the_velocity_is_a_sudden_change() -> None:
+    """The joint stops just before a sample: its acceleration changes in that one by little, by most in the
+    next."""
+    velocity = np.maximum(1.0 - 2.0 * 0.002 * np.arange(300), 0.0)
+    velocity[250:] = 0.0
+    change = np.array([state.change[0] for state in followed(velocity[:, None])])
+    assert change[250] == pytest.approx(0.0, abs=1e-6)
+    assert change[251] == pytest.approx(2.0, rel=1e-3)
+    assert not change[252:].any()
+
+
+def test_a_change_of_all_joints_together_is_found_in_noise() -> None:
+    """Of each joint alone it is hardly larger than noise."""
+    chance, t = np.random.default_rng(5), 0.002 * np.arange(1000)
+    direction = np.array([1.0, -0.6, 0.8, 0.9, -1.0, 1.2])
+    shares = []
+    for i in range(20):
+        speed = 0.3 + np.outer(2.5 * np.maximum(t - 1.0 - 1e-4 * i, 0.0), direction)
+        found = followed(speed + 0.001 * chance.standard_normal(speed.shape))
+        at = int(np.argmax(t > 1.0 + 1e-4 * i))
+        square = max(np.sum(state.change**2) for state in found[at : at + 2])
+        shares.append(square / np.sum((2.5 * direction) ** 2))
+    assert np.median(shares) > 0.6
+
+
+def test_a_joint_at_rest_has_no_noise_and_remembers_its_own() -> None:
+    chance = np.random.default_rng(3)
+    velocity = 0.02 + 0.004 * chance.standard_normal((1000, 1))
+    velocity[500:700] = 0.0
+    found = followed(velocity)
+    assert found[450].present[0] == pytest.approx(0.004**2, rel=0.5)
+    assert found[600].present[0] == 0.0
+    assert found[701].present[0] == pytest.approx(0.004**2, rel=0.5)
+
+
+def test_before_a_joint_has_moved_its_noise_is_that_of_a_real_arm() -> None:
+    velocity = np.zeros((20, 1))
+    velocity[10:] = 1e-6
+    found = followed(velocity)
+    assert found[9].present[0] == 0.0
+    assert 0.5 * PRIOR_NOISE**2 < found[10].present[0] <= PRIOR_NOISE**2
+
+
+def test_what_depends_on_it_is_refreshed_when_joints_begin_to_move_and_every_20_ms() -> None:
+    velocity = np.full((400, 2), 0.1) + 0.001 * np.random.default_rng(4).standard_normal((400, 2))
+    velocity[:100] = 0.0
+    velocity[:200, 1] = 0.0
+    due = np.array([state.history[0]["due"] for state in followed(velocity)])
+    assert not due[:100].any()
+    assert due[100]
+    assert due[200]
+    assert all(due[i : i + 11].any() for i in range(100, 389))
+    assert due[250:].mean() < 0.2
+
+
+def test_a_restart_forgets_everything() -> None:
+    state = zeros(VelocityNoise, joints=1)
+    for i in range(50):
+        follow_velocity_noise(state, np.array([0.3 + 0.05 * (-1.0) ** i]), 0.002 if i else 0.0)
+    assert state.present[0] > 1e-4
+    follow_velocity_noise(state, np.array([0.3]), 0.0)
+    assert state.present[0] == PRIOR_NOISE**2
+    assert state.history[0].due
