@@ -27,6 +27,12 @@ _PRUNE_EVERY = 60.0
 """Time between two checks of the limits of age and size [s]."""
 _BLOCK = 1000
 """Numbers that are reserved at a time."""
+_MOST_WAITING = 10_000
+"""Events that wait in memory while the file cannot be written; beyond it the oldest are lost."""
+_VACUUM_PAGES = 2000
+"""Pages that are given back to the file system at a time: 8 MB. Nothing else can use the file meanwhile."""
+_WAL_SIZE = 16_000_000
+"""Size to which the write-ahead log is cut after a large change [bytes]."""
 _SCHEMA = """
 CREATE TABLE IF NOT EXISTS events
     (id INTEGER PRIMARY KEY, kind TEXT NOT NULL, stored REAL NOT NULL, body TEXT NOT NULL);
@@ -56,6 +62,8 @@ class JournalSettings(BaseModel):
     """Older events are removed [days]."""
     max_size: PositiveFloat = 100.0
     """Largest size of the file; beyond it the oldest events are removed [MB]."""
+    max_memory: PositiveFloat = 10.0
+    """The same where events are in memory only [MB]."""
 
 
 def _locked(journal: Path, refused: str) -> FileIO:
@@ -99,6 +107,7 @@ class Journal:
             self._database.execute("PRAGMA auto_vacuum=INCREMENTAL")
             self._database.execute("PRAGMA journal_mode=WAL")
             self._database.execute("PRAGMA synchronous=NORMAL")
+            self._database.execute(f"PRAGMA journal_size_limit={_WAL_SIZE}")
             self._database.executescript(_SCHEMA)
             self._last = self._reserved = self._read_last()
             self._reserve(self._last + _BLOCK)
@@ -192,18 +201,27 @@ class Journal:
                 self.error = f"the journal cannot be written: {error}"
                 if self._database.in_transaction:
                     self._database.execute("ROLLBACK")
+                self._forget_oldest()
                 return
             self.error = ""
             with self._numbering:
                 for _ in rows:
                     self._waiting.popleft()
 
+    def _forget_oldest(self) -> None:
+        """A disk may be full for weeks: what waits for it must not fill the memory."""
+        with self._numbering:
+            while len(self._waiting) > _MOST_WAITING:
+                self._waiting.popleft()
+
     def prune(self, now: float | None = None) -> None:
         """Remove events beyond the limits of age and size."""
-        oldest = (time.time() if now is None else now) - 86400.0 * self._settings.max_age
+        settings = self._settings
+        oldest = (time.time() if now is None else now) - 86400.0 * settings.max_age
+        most = settings.max_memory if settings.path is None else settings.max_size
         with self.lock:
             self._database.execute("DELETE FROM events WHERE stored < ?", (oldest,))
-            while self._size() > 1e6 * self._settings.max_size:
+            while self._size() > 1e6 * most:
                 (count,) = self._database.execute("SELECT count(*) FROM events").fetchone()
                 if count == 0:
                     break
@@ -211,7 +229,8 @@ class Journal:
                     "DELETE FROM events WHERE id IN (SELECT id FROM events ORDER BY id LIMIT ?)",
                     (count // 10 + 1,),
                 )
-            self._database.execute("PRAGMA incremental_vacuum").fetchall()
+            # `execute` steps once, which gives back a single page.
+            self._database.executescript(f"PRAGMA incremental_vacuum({_VACUUM_PAGES})")
 
     def close(self) -> None:
         """Commit and close."""

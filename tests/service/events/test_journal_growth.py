@@ -1,0 +1,77 @@
+"""A service runs for months: the journal must not grow without bound, in its file or in memory."""
+
+import sqlite3
+from pathlib import Path
+
+import pytest
+
+from contactsense.service.events import journal as journals
+from contactsense.service.events.journal import Journal, JournalSettings
+from contactsense.service.events.model import ContactEvent
+from tests.service.loopback import until
+
+
+def event(n: int) -> ContactEvent:
+    return ContactEvent.model_validate({"kind": "onset", "contact": n, "t": 0.5 * n, "link": "forearm"})
+
+
+def filled(journal: Journal, count: int) -> None:
+    for i in range(count):
+        journal.append(event(i))
+    journal.flush()
+
+
+def test_events_in_memory_have_a_smaller_limit_than_those_in_a_file() -> None:
+    with Journal(JournalSettings(max_memory=0.3)) as journal:
+        begin = journal.last
+        filled(journal, 3000)
+        journal.prune()
+        kept = journal.since(begin, 10_000)
+        assert 0 < sum(map(len, kept)) < 0.3e6
+        assert '"contact":2999' in kept[-1]  # the oldest go first
+
+
+def test_the_file_gets_smaller_when_events_are_removed(tmp_path: Path) -> None:
+    path = tmp_path / "j.db"
+    with Journal(JournalSettings(path=path)) as journal:
+        filled(journal, 3000)
+        journal.database.execute("PRAGMA wal_checkpoint").fetchall()
+        before = path.stat().st_size
+        journal.database.execute("DELETE FROM events")
+        journal.prune()
+        journal.database.execute("PRAGMA wal_checkpoint").fetchall()
+        assert path.stat().st_size < 0.1 * before
+
+
+def test_a_large_change_leaves_no_large_log_beside_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(journals, "_WAL_SIZE", 100_000)
+    path = tmp_path / "j.db"
+    log = tmp_path / "j.db-wal"
+    with Journal(JournalSettings(path=path)) as journal:
+        filled(journal, 3000)
+        assert log.stat().st_size > 300_000
+        journal.database.execute("PRAGMA wal_checkpoint").fetchall()
+        filled(journal, 1)
+        assert log.stat().st_size <= 100_000
+
+
+def test_what_waits_for_a_full_disk_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(journals, "_MOST_WAITING", 50)
+    path = tmp_path / "j.db"
+    with Journal(JournalSettings(path=path)) as journal:
+        filled(journal, 1)
+        journal.database.execute("PRAGMA busy_timeout=10")
+        other = sqlite3.connect(path, isolation_level=None)
+        other.execute("BEGIN IMMEDIATE")
+        begin = journal.last
+        filled(journal, 120)
+        assert until(lambda: "cannot be written" in journal.error)
+        waiting = journal.since(begin)
+        assert len(waiting) == 50
+        assert '"contact":119' in waiting[-1]
+        other.execute("COMMIT")
+        other.close()
+        assert until(lambda: not journal.error)
+        assert journal.since(begin) == waiting
