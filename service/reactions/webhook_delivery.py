@@ -27,6 +27,11 @@ JITTER = 0.2
 """Each delay is varied by up to this fraction, so that retries of many senders do not coincide."""
 MAX_BODY = 20_000
 """Largest delivery [bytes]; Standard Webhooks recommends less than 20 kB."""
+MOST = 1000
+"""Deliveries of one webhook that wait; beyond it the oldest are lost. A receiver that is away takes decisions
+every few seconds, but an attempt that nobody answers takes as long as its time limit."""
+_CLOCK_STEP = 1.0
+"""The host's clock was set if it has gained or lost more than this between two looks [s]."""
 _THROTTLED = (429, 502, 504)
 """After these statuses the receiver gets twice the time."""
 _POLL = 1.0
@@ -61,9 +66,13 @@ class WebhookDelivery:
         self._news = {name: asyncio.Event() for name in webhooks}
         self._tasks: list[Supervised] = []
         self._opener = urllib.request.build_opener(_NoRedirect)
+        # Due times are those of the host's clock, as they must survive a restart.
+        self._clock = time.time() - time.monotonic()
 
     def start(self) -> None:
         """Start the deliveries."""
+        with contextlib.suppress(sqlite3.Error):  # a full disk: what is due meanwhile is delivered
+            self._limit_pauses()
         self._tasks = [
             Supervised(f"deliveries of webhook {name}", partial(self._deliver, name))
             for name in self._webhooks
@@ -88,7 +97,7 @@ class WebhookDelivery:
         self.start()
 
     def enqueue(self, name: str, decision: Mapping[str, Any]) -> None:
-        """Put a decision into the outbox."""
+        """Put a decision into the outbox; beyond `MOST` that wait, the oldest is lost."""
         body = {
             "type": f"{decision['level']}.{decision['kind']}",
             "timestamp": datetime.now(UTC).isoformat(),
@@ -98,16 +107,49 @@ class WebhookDelivery:
         assert len(text) < MAX_BODY
         try:
             with self._journal.lock:
+                self._follow_clock()
                 self._journal.database.execute(
                     "INSERT INTO deliveries (action, webhook_id, body, due) VALUES (?, ?, ?, ?)",
                     (name, f"msg_{uuid.uuid4().hex}", text, time.time() + self._delays[0]),
                 )
+                lost = self._remove_oldest(name)
         except sqlite3.Error as error:  # such as a full disk
             reason = f"lost, as the journal cannot be written: {error}"
             self._on_result(name, False, reason, decision)
             return
+        for body_lost in lost:
+            reason = f"lost, as {MOST} later ones wait"
+            self._on_result(name, False, reason, json.loads(body_lost)["data"])
         if name in self._news:  # a reload may have removed it
             self._news[name].set()
+
+    def _remove_oldest(self, name: str) -> list[str]:
+        """Remove a webhook's deliveries beyond `MOST`; returns their bodies."""
+        database = self._journal.database
+        rows = database.execute(
+            "SELECT id, body FROM deliveries WHERE action = ? ORDER BY id DESC LIMIT -1 OFFSET ?",
+            (name, MOST),
+        ).fetchall()
+        if rows:
+            database.execute("DELETE FROM deliveries WHERE action = ? AND id <= ?", (name, rows[0][0]))
+        return [body for _, body in reversed(rows)]
+
+    def _follow_clock(self) -> None:
+        """Move the due times with the host's clock where it was set, as by NTP: a delivery that is due would
+        wait for hours. The journal's lock must be held."""
+        clock = time.time() - time.monotonic()
+        step = clock - self._clock
+        if abs(step) > _CLOCK_STEP:
+            self._journal.database.execute("UPDATE deliveries SET due = due + ?", (step,))
+        self._clock = clock
+
+    def _limit_pauses(self) -> None:
+        """While the service was away nobody saw how the clock was set: no pause is longer than any can be."""
+        longest = 2.0 * max(self._delays) * (1.0 + JITTER)
+        with self._journal.lock:
+            self._journal.database.execute(
+                "UPDATE deliveries SET due = min(due, ?)", (time.time() + longest,)
+            )
 
     def disabled(self, name: str) -> str:
         """Why the webhook is disabled; empty if it is not."""
@@ -135,6 +177,7 @@ class WebhookDelivery:
 
     def _next(self, name: str) -> tuple[int, str, str, int] | None:
         with self._journal.lock:
+            self._follow_clock()
             row: tuple[int, str, str, int] | None = self._journal.database.execute(
                 "SELECT id, webhook_id, body, attempts FROM deliveries "
                 "WHERE action = ? AND due <= ? ORDER BY due LIMIT 1",
@@ -176,6 +219,7 @@ class WebhookDelivery:
         return True
 
     def _write_result(self, name: str, number: int, attempts: int, ok: bool, status: int) -> None:
+        self._follow_clock()
         database = self._journal.database
         if status == 410:
             database.execute(

@@ -1,0 +1,82 @@
+"""The outbox of webhooks over months: it is bounded, and due times follow the host's clock."""
+
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from contactsense.service.events.journal import Journal, JournalSettings
+from contactsense.service.reactions import webhook_delivery
+from contactsense.service.reactions.actions.webhook import WebhookAction
+from contactsense.service.reactions.webhook_delivery import WebhookDelivery
+from tests.service.reactions.test_webhook_delivery import DECISION, SECRET
+
+HOUR = 3600.0
+SetClock = Callable[[float], None]
+
+
+@pytest.fixture
+def set_clock(monkeypatch: pytest.MonkeyPatch) -> SetClock:
+    """Sets the host's clock forward, or back, by seconds."""
+    real = time.time
+    return lambda by: monkeypatch.setattr(time, "time", lambda: real() + by)
+
+
+def outbox(journal: Journal, told: list[tuple[str, int]] | None = None) -> WebhookDelivery:
+    def tell(_: str, ok: bool, reason: str, decision: Mapping[str, Any]) -> None:
+        assert told is not None
+        told.append((reason, decision["n"]))
+
+    url = "http://127.0.0.1:1/hook"
+    webhooks = {
+        name: WebhookAction(type="webhook", url=url, secret=SECRET, timeout=5.0) for name in ("hook", "other")
+    }
+    return WebhookDelivery(journal, webhooks, tell, (0.0, 5.0, 300.0))
+
+
+def pauses(journal: Journal) -> list[float]:
+    """Time until each delivery is due [s]."""
+    rows = journal.database.execute("SELECT due FROM deliveries ORDER BY id").fetchall()
+    return [due - time.time() for (due,) in rows]
+
+
+def test_beyond_its_limit_the_oldest_is_lost_and_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(webhook_delivery, "MOST", 3)
+    told: list[tuple[str, int]] = []
+    with Journal() as journal:
+        delivery = outbox(journal, told)
+        delivery.enqueue("other", {**DECISION, "n": -1})
+        for n in range(5):
+            delivery.enqueue("hook", {**DECISION, "n": n})
+        assert told == [("lost, as 3 later ones wait", n) for n in (0, 1)]
+        (count,) = journal.database.execute("SELECT count(*) FROM deliveries").fetchone()
+        assert count == 4  # that of the other webhook, too
+
+
+@pytest.mark.parametrize("step", [-3.0 * HOUR, 3.0 * HOUR])
+def test_pauses_are_the_same_after_the_clock_was_set(step: float, set_clock: SetClock) -> None:
+    with Journal() as journal:
+        delivery = outbox(journal)
+        delivery.enqueue("hook", DECISION)
+        delivery._write_result("hook", 1, 2, False, 500)  # due in 300 s
+        set_clock(step)
+        delivery.enqueue("hook", DECISION)  # due at once
+        assert delivery._next("hook") is not None
+        first, second = pauses(journal)
+        assert first == pytest.approx(300.0, rel=webhook_delivery.JITTER)
+        assert second == pytest.approx(0.0, abs=1.0)
+
+
+def test_a_clock_that_was_set_back_while_the_service_was_away_delays_nothing_for_long(
+    tmp_path: Path, set_clock: SetClock
+) -> None:
+    settings = JournalSettings(path=tmp_path / "j.db")
+    with Journal(settings) as journal:
+        outbox(journal).enqueue("hook", DECISION)
+    set_clock(-24.0 * HOUR)
+    with Journal(settings) as journal:
+        outbox(journal)._limit_pauses()
+        (pause,) = pauses(journal)
+        assert pause <= 1000.0
