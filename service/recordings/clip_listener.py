@@ -20,15 +20,17 @@ from pydantic import BaseModel, ConfigDict, PositiveFloat
 from contactsense.scene import Scene
 from contactsense.service.recordings.clip_files import CLIP, CONTINUOUS
 from contactsense.service.recordings.metadata import metadata, removed_delays
+from contactsense.service.recordings.oldest_files import OldestFiles
 from contactsense.service.recordings.parquet_files import write_parquet
 from contactsense.service.recordings.sample_rows import Ring, SampleRows
-from contactsense.service.recordings.segment_writer import Rotation, SegmentWriter, remove_oldest
+from contactsense.service.recordings.segment_writer import Rotation, SegmentWriter
 from contactsense.types import Estimate, Sample
 
-_HOST_TIME = 1
-"""Column of the host's time in a row."""
 _CHUNK = 250
 """Rows that are handed to the writer at a time."""
+_MOST_WANTED = 1000
+"""Clips that may be recorded at the same time."""
+_SLOW = "the disk is too slow: what waits for it would fill the memory"
 
 
 class RecordingSettings(BaseModel):
@@ -52,6 +54,7 @@ class RecordingSettings(BaseModel):
 class _Wanted:
     number: int
     begin: float
+    """On the host's monotonic clock [s], as `end`."""
     end: float
     reason: str
 
@@ -68,11 +71,18 @@ class ClipListener:
         assert settings.folder is not None
         self._folder, self._settings, self._scene = settings.folder, settings, scene
         self._rows = SampleRows(scene)
-        self._ring = Ring(max(_CHUNK, int(60.0 * settings.minutes * rate)), len(self._rows.names))
+        # A row's last value is its time on the monotonic clock, by which clips are cut: the host's clock may
+        # be set at any moment.
+        self._ring = Ring(max(_CHUNK, int(60.0 * settings.minutes * rate)), len(self._rows.names) + 1)
+        self._oldest_clips = OldestFiles(self._folder, CLIP, int(1e6 * settings.disk_megabytes))
         self._rate = rate
         self._wanted: list[_Wanted] = []
         self._reports: list[dict[str, Any]] = [{"type": "recorder started"}]
-        self._work: queue.SimpleQueue[tuple[str, Any]] = queue.SimpleQueue()
+        self._work: queue.SimpleQueue[tuple[str, Any, int]] = queue.SimpleQueue()
+        # A disk of the network may hang for hours: at most twice what the ring has waits for it.
+        self._most_rows = 2 * self._ring.capacity
+        self._handed = self._done = 0  # rows given to the writer, and rows that it is through with
+        self._losing = False
         self._recording = False
         self._chunk = np.zeros((_CHUNK, len(self._rows.names)))
         self._filled = 0
@@ -81,7 +91,8 @@ class ClipListener:
 
     def receive(self, sample: Sample, estimate: Estimate) -> None:
         """Keep one sample. When a rule reports a collision, a command requests the clip."""
-        row = self._ring.next
+        self._ring.next[-1] = time.monotonic()
+        row = self._ring.next[:-1]
         self._rows.fill(row, sample, estimate)
         if self._recording:
             self._chunk[self._filled] = row
@@ -93,24 +104,28 @@ class ClipListener:
     def tick(self, now: float) -> None:
         """Write the clips whose end has been reached."""
         del now
-        clock = time.time()
+        clock = time.monotonic()
         for wanted in [w for w in self._wanted if clock >= w.end]:
             self._wanted.remove(wanted)
-            self._work.put(("clip", (wanted, self._ring.between(_HOST_TIME, wanted.begin, wanted.end))))
+            self._hand_over_clip(wanted)
 
     def command(self, message: dict[str, Any]) -> None:
         """Handle a command; types meant for other listeners are ignored."""
         if message.get("type") == "clip":
-            now = time.time()
+            now = time.monotonic()
             before = float(message.get("before") or self._settings.before)
             after = float(message.get("after") or self._settings.after)
             reason = str(message.get("reason", ""))
-            self._wanted.append(_Wanted(int(message["number"]), now - before, now + after, reason))
+            wanted = _Wanted(int(message["number"]), now - before, now + after, reason)
+            if len(self._wanted) < _MOST_WANTED:
+                self._wanted.append(wanted)
+            else:
+                self._reports.append(_clip_report(wanted, f"{_MOST_WANTED} clips are being recorded already"))
         elif message.get("type") == "record":
             on = bool(message["on"])
             if self._recording and not on:
                 self._hand_over()
-                self._work.put(("stop", None))
+                self._put("stop", None)
             self._recording = on
 
     def take_reports(self) -> list[dict[str, Any]]:
@@ -122,21 +137,38 @@ class ClipListener:
     def close(self) -> None:
         """Write what was requested, as far as it is available."""
         for wanted in self._wanted:
-            self._work.put(("clip", (wanted, self._ring.between(_HOST_TIME, wanted.begin, wanted.end))))
+            self._hand_over_clip(wanted)
         self._hand_over()
-        self._work.put(("end", None))
+        self._put("end", None)
         self._thread.join(5.0)
 
+    def _hand_over_clip(self, wanted: _Wanted) -> None:
+        rows = self._ring.between(-1, wanted.begin, wanted.end)[:, :-1]
+        if not self._put("clip", (wanted, rows), len(rows)):
+            self._reports.append(_clip_report(wanted, _SLOW))
+
     def _hand_over(self) -> None:
-        if self._filled:
-            self._work.put(("rows", self._chunk[: self._filled].copy()))
-            self._filled = 0
+        if not self._filled:
+            return
+        kept = self._put("rows", self._chunk[: self._filled].copy(), self._filled)
+        self._filled = 0
+        if not kept and not self._losing:
+            self._put("lost", None)  # the file ends here: what comes later is in another one
+        self._losing = not kept
+
+    def _put(self, kind: str, value: Any, rows: int = 0) -> bool:
+        """Give the writer something to do, unless that are rows, and too many wait for it."""
+        if rows and self._handed - self._done + rows > self._most_rows:
+            return False
+        self._handed += rows
+        self._work.put((kind, value, rows))
+        return True
 
     def _write(self) -> None:
         """Main loop of the writer thread."""
         writer: SegmentWriter | None = None
         while True:
-            kind, value = self._work.get()
+            kind, value, rows_taken = self._work.get()
             try:
                 if kind == "clip":
                     self._report_clip(*value)
@@ -151,6 +183,8 @@ class ClipListener:
                         writer.add(row)
                     writer.flush()
                     self._reports.append({"type": "recording", "on": True, "rows": writer.rows, "error": ""})
+                if kind == "lost":
+                    raise OSError(f"samples are lost: {_SLOW}")
                 if kind in ("stop", "end") and writer is not None:
                     rows = writer.rows
                     writer.close()
@@ -162,18 +196,13 @@ class ClipListener:
                         writer.close()
                 writer = None
                 self._reports.append({"type": "recording", "on": False, "rows": 0, "error": str(error)})
+            self._done += rows_taken
             if kind == "end":
                 return
 
     def _report_clip(self, wanted: _Wanted, rows: np.ndarray) -> None:
         """Write a clip; one that fails is reported, and ends no recording."""
-        report: dict[str, Any] = {
-            "type": "clip",
-            "number": wanted.number,
-            "file": None,
-            "samples": None,
-            "error": "",
-        }
+        report = _clip_report(wanted)
         try:
             report |= {"file": self._write_clip(wanted, rows), "samples": len(rows)}
         except (OSError, ValueError, pa.ArrowException) as error:
@@ -183,10 +212,15 @@ class ClipListener:
     def _write_clip(self, wanted: _Wanted, rows: np.ndarray) -> str:
         """Write a clip; returns the name of its file."""
         self._folder.mkdir(parents=True, exist_ok=True)
-        stamp = time.strftime("%Y%m%dT%H%M%S", time.gmtime(wanted.end))
+        stamp = time.strftime("%Y%m%dT%H%M%S", time.gmtime())
         path = self._folder / f"{CLIP}-{stamp}-{wanted.number:06d}.parquet"
         meta = metadata(self._scene, table=CLIP, reason=wanted.reason, **removed_delays(self._scene))
         arrays = [pa.array(np.ascontiguousarray(column)) for column in self._rows.stored(rows).T]
         write_parquet(pa.table(dict(zip(self._rows.names, arrays, strict=True)), metadata=meta), path)
-        remove_oldest(self._folder, CLIP, int(1e6 * self._settings.disk_megabytes))
+        self._oldest_clips.remove(path)
         return path.name
+
+
+def _clip_report(wanted: _Wanted, error: str = "") -> dict[str, Any]:
+    """The report of a clip that has not been written."""
+    return {"type": "clip", "number": wanted.number, "file": None, "samples": None, "error": error}

@@ -92,6 +92,11 @@ class Ring:
         """Commit the row returned by `next`."""
         self._written += 1
 
+    @property
+    def capacity(self) -> int:
+        """Number of rows that it keeps."""
+        return len(self._rows)
+
     def __len__(self) -> int:
         return min(self._written, len(self._rows))
 

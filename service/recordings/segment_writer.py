@@ -23,6 +23,7 @@ import pyarrow.parquet as pa_parquet
 
 from contactsense.robots.file_lock import AVAILABLE, lock
 from contactsense.service.recordings.metadata import creation
+from contactsense.service.recordings.oldest_files import OldestFiles
 from contactsense.service.recordings.problems import RecordingError
 from contactsense.service.recordings.table import reason
 
@@ -95,6 +96,8 @@ class SegmentWriter:
         """Number of rows added so far."""
         self.files: list[Path] = []
         """Complete files, in order; a thread changes it."""
+        limit = self._rotation.disk_megabytes
+        self._oldest = None if limit is None else OldestFiles(folder, prefix, int(1e6 * limit))
         self.removed = 0
         """Number of files that were removed to keep the limit of the disk space, also of earlier runs."""
         try:
@@ -209,9 +212,8 @@ class SegmentWriter:
             done = to_parquet(path, self._group)
         if done is not None:
             self.files.append(done)
-        limit = self._rotation.disk_megabytes
-        if limit is not None:
-            removed = remove_oldest(self._folder, self._prefix, int(1e6 * limit))
+        if done is not None and self._oldest is not None:
+            removed = self._oldest.remove(done)
             self.removed += len(removed)
             self.files = [file for file in self.files if file not in removed]
 
@@ -279,19 +281,3 @@ def _repaired(path: Path) -> Path | None:
             if AVAILABLE and not lock(stream):
                 return None  # another writer has it open
         return to_parquet(path)
-
-
-def remove_oldest(folder: Path, prefix: str, limit: int) -> list[Path]:
-    """Remove the oldest complete segments of a prefix until they take at most `limit` bytes, and return them.
-
-    The newest segment is always kept.
-    """
-    files = sorted(folder.glob(f"{prefix}-*{DONE}"))
-    sizes = [path.stat().st_size for path in files]
-    removed = []
-    while len(files) > 1 and sum(sizes) > limit:
-        with suppress(FileNotFoundError):
-            files[0].unlink()
-        removed.append(files.pop(0))
-        sizes.pop(0)
-    return removed

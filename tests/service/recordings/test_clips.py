@@ -64,7 +64,9 @@ def test_a_clip_that_cannot_be_written_is_reported_and_ends_no_recording(tmp_pat
 
 def test_a_clip_reaches_back_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     now = 1e9
-    clock = SimpleNamespace(time=lambda: now, strftime=time.strftime, gmtime=time.gmtime)
+    clock = SimpleNamespace(
+        time=lambda: now, monotonic=lambda: now, strftime=time.strftime, gmtime=time.gmtime
+    )
     monkeypatch.setattr(clip_listener, "time", clock)
     monkeypatch.setattr(sample_rows, "time", clock)
     listener = ClipListener(SCENE, RecordingSettings(folder=tmp_path, minutes=0.1), 500.0)
