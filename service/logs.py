@@ -5,6 +5,7 @@ import logging
 import logging.handlers
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Literal
 
@@ -42,19 +43,22 @@ class FloodFilter(logging.Filter):
     """Limits the messages from each place in the code within a window, then reports how many were suppressed:
     an attack must not fill the disk."""
 
-    def __init__(self) -> None:
+    def __init__(self, now: Callable[[], float] = time.monotonic) -> None:
+        """`now` tells a time that does not go back [s]: where the host's clock is set back by hours, a window
+        of that clock would last for hours."""
         super().__init__()
+        self._now = now
         self._windows: dict[tuple[str, int], tuple[float, int]] = {}
 
     def filter(self, record: logging.LogRecord) -> bool:
         """Whether the record is written."""
-        place = (record.pathname, record.lineno)
-        start, count = self._windows.get(place, (record.created, 0))
-        if record.created - start > _WINDOW:
+        place, now = (record.pathname, record.lineno), self._now()
+        start, count = self._windows.get(place, (now, 0))
+        if now - start > _WINDOW:
             if count > _BURST:
                 record.msg = f"{record.getMessage()} ({count - _BURST} more like this were left out)"
                 record.args = ()
-            start, count = record.created, 0
+            start, count = now, 0
         self._windows[place] = (start, count + 1)
         return count < _BURST
 

@@ -41,6 +41,8 @@ from contactsense.service.reactions.state import Reactions
 from contactsense.service.reactions.webhook_delivery import WebhookDelivery
 
 log = logging.getLogger("contactsense")
+_VERSION = version("contactsense")
+"""Found once: it is read from a file, and each look at a changed folder of packages would stay in memory."""
 
 
 class Service:
@@ -286,7 +288,7 @@ class Service:
             ready=self.ready,
             since=runner.since.isoformat(timespec="milliseconds"),
             uptime=time.monotonic() - self.began,
-            version=version("contactsense"),
+            version=_VERSION,
             source=source,
             pipeline=pipeline,
             stream=messages.StreamHealth(readers=self.hub.readers, lost=self.hub.lost),

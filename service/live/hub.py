@@ -11,8 +11,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 _MAX_EVENTS = 1000
-"""Maximum number of events kept for a reader's next message. Beyond it the oldest are dropped; the journal
-still has them."""
+"""Maximum number of events kept for the next message, and for each reader's. Beyond it the oldest are
+dropped; the journal still has them."""
 _NO_EVENTS = b'"events":[]}'
 
 
@@ -94,7 +94,8 @@ class Hub:
         self._size = size
         self._readers: set[Reader] = set()
         self._lost_by_gone = 0
-        self._events: list[bytes] = []
+        # Without a robot there are no messages, but events, such as those of webhooks.
+        self._events: deque[bytes] = deque(maxlen=_MAX_EVENTS)
         self.last: bytes | None = None
         """The latest message."""
         self.last_arrival = -float("inf")
@@ -116,7 +117,8 @@ class Hub:
 
     def publish(self, t: float, message: bytes) -> None:
         """Pass a message on to all readers. `t` is the time of its sample [s]."""
-        events, self._events = self._events, []
+        events = tuple(self._events)
+        self._events.clear()
         self.last, self.last_arrival = with_events(message, events), time.monotonic()
         for reader in self._readers:
             reader.offer(t, message, events)

@@ -47,6 +47,18 @@ def test_a_slow_reader_loses_the_oldest_and_is_told() -> None:
     assert hub.lost == 8  # still known when the reader has gone
 
 
+def test_events_without_messages_do_not_fill_the_memory() -> None:
+    """A webhook may fail for weeks while the robot is off."""
+    hub = Hub()
+    for i in range(1500):
+        hub.add_event(b"%d" % i)
+    hub.publish(0.0, b'{"t":0,"events":[]}')
+    assert hub.last is not None
+    assert json.loads(hub.last)["events"] == list(range(500, 1500))
+    hub.publish(0.0, b'{"t":1,"events":[]}')
+    assert hub.last == b'{"t":1,"events":[]}'
+
+
 def test_what_waits_can_be_forgotten() -> None:
     hub = Hub()
     with hub.subscribe(every=2) as reader:
