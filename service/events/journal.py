@@ -29,6 +29,8 @@ _BLOCK = 1000
 """Numbers that are reserved at a time."""
 _MOST_WAITING = 10_000
 """Events that wait in memory while the file cannot be written; beyond it the oldest are lost."""
+_CLOCK_STEP = 1.0
+"""The host's clock was set if it has gained or lost more than this between two looks [s]."""
 _VACUUM_PAGES = 2000
 """Pages that are given back to the file system at a time: 8 MB. Nothing else can use the file meanwhile."""
 _WAL_SIZE = 16_000_000
@@ -109,7 +111,7 @@ class Journal:
             self._database.execute("PRAGMA synchronous=NORMAL")
             self._database.execute(f"PRAGMA journal_size_limit={_WAL_SIZE}")
             self._database.executescript(_SCHEMA)
-            self._last = self._reserved = self._read_last()
+            self._last = self._reserved = self._first = self._read_last()
             self._reserve(self._last + _BLOCK)
         except sqlite3.Error as error:
             self._database.close()
@@ -118,7 +120,8 @@ class Journal:
         self.lock = threading.RLock()
         """Must be held while `database` is used, which may take a while; appending does not need it."""
         self._numbering = threading.Lock()
-        self._waiting: deque[tuple[int, str, float, str]] = deque()
+        self._waiting: deque[tuple[int, str, str]] = deque()
+        self._clock = time.time() - time.monotonic()
         self._subscribers: list[Callable[[ContactEvent], None]] = []
         self._closing = threading.Event()
         self.error = ""
@@ -150,7 +153,7 @@ class Journal:
         with self._numbering:
             self._last += 1
             numbered = event.model_copy(update={"id": self._last})
-            self._waiting.append((self._last, event.kind, time.time(), numbered.model_dump_json()))
+            self._waiting.append((self._last, event.kind, numbered.model_dump_json()))
         for on_event in tuple(self._subscribers):
             on_event(numbered)
         return numbered
@@ -173,7 +176,7 @@ class Journal:
                 (number, *kinds, limit),
             ).fetchall()
         newest = rows[-1][0] if rows else number
-        return ([body for _, body in rows] + [row[3] for row in waiting if row[0] > newest])[:limit]
+        return ([body for _, body in rows] + [row[2] for row in waiting if row[0] > newest])[:limit]
 
     def latest(self, limit: int, kinds: Sequence[str]) -> list[str]:
         """Return at most `limit` committed events of some kinds as JSON, oldest first."""
@@ -194,8 +197,11 @@ class Journal:
             if not rows:
                 return
             try:
+                self._follow_clock()
+                now = time.time()
+                stored = [(number, kind, now, body) for number, kind, body in rows]
                 self._database.execute("BEGIN")
-                self._database.executemany("INSERT INTO events VALUES (?, ?, ?, ?)", rows)
+                self._database.executemany("INSERT INTO events VALUES (?, ?, ?, ?)", stored)
                 self._database.execute("COMMIT")
             except sqlite3.Error as error:  # such as a full disk: keep the events and try again
                 self.error = f"the journal cannot be written: {error}"
@@ -214,12 +220,22 @@ class Journal:
             while len(self._waiting) > _MOST_WAITING:
                 self._waiting.popleft()
 
+    def _follow_clock(self) -> None:
+        """Move the times of this run's events with the host's clock where it was set. A computer that starts
+        with a clock that is months slow would lose its events as soon as the clock is right."""
+        clock = time.time() - time.monotonic()
+        step = clock - self._clock
+        if abs(step) > _CLOCK_STEP:
+            self._database.execute("UPDATE events SET stored = stored + ? WHERE id > ?", (step, self._first))
+        self._clock = clock
+
     def prune(self, now: float | None = None) -> None:
         """Remove events beyond the limits of age and size."""
         settings = self._settings
         oldest = (time.time() if now is None else now) - 86400.0 * settings.max_age
         most = settings.max_memory if settings.path is None else settings.max_size
         with self.lock:
+            self._follow_clock()
             self._database.execute("DELETE FROM events WHERE stored < ?", (oldest,))
             while self._size() > 1e6 * most:
                 (count,) = self._database.execute("SELECT count(*) FROM events").fetchone()

@@ -1,6 +1,7 @@
 """A service runs for months: the journal must not grow without bound, in its file or in memory."""
 
 import sqlite3
+import time
 from pathlib import Path
 
 import pytest
@@ -75,3 +76,19 @@ def test_what_waits_for_a_full_disk_is_bounded(tmp_path: Path, monkeypatch: pyte
         other.close()
         assert until(lambda: not journal.error)
         assert journal.since(begin) == waiting
+
+
+@pytest.mark.parametrize("step", [-90.0, 90.0])
+def test_events_keep_their_age_where_the_clock_is_set(step: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A computer without a battery for its clock starts in the past."""
+    real, days = time.time, 0.0
+    monkeypatch.setattr(time, "time", lambda: real() + 86400.0 * days)
+    with Journal() as journal:
+        begin = journal.last
+        filled(journal, 1)
+        days = step
+        filled(journal, 1)
+        journal.prune()
+        assert len(journal.since(begin)) == 2
+        journal.prune(time.time() + 31.0 * 86400.0)
+        assert journal.since(begin) == []
