@@ -1,5 +1,7 @@
 """The files of clips in a folder, and what their metadata say."""
 
+import time
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,6 +13,8 @@ from contactsense.service.recordings.metadata import PREFIX
 CLIP, CONTINUOUS = "clip", "service"
 """First parts of the names of what a service writes: clips, and the files of a recording; and their tables'
 names in the metadata."""
+_ABANDONED = 3600.0
+"""Nobody writes a clip for this long [s]."""
 
 
 class ClipFile(NamedTuple):
@@ -25,6 +29,15 @@ class ClipFile(NamedTuple):
 def clip_names(folder: Path) -> list[str]:
     """Names of the clips in a folder, the oldest first; none if there is no such folder."""
     return sorted(path.name for path in folder.glob(f"{CLIP}-*.parquet"))
+
+
+def remove_unfinished(folder: Path) -> None:
+    """Remove what writers of clips have left that were killed meanwhile: the limit of disk space does not
+    count it."""
+    for file in folder.glob(f".{CLIP}-*.parquet.*"):
+        with suppress(OSError):
+            if time.time() - file.stat().st_mtime > _ABANDONED:
+                file.unlink()
 
 
 def read_clip_file(path: Path) -> ClipFile:

@@ -18,7 +18,7 @@ import pyarrow as pa
 from pydantic import BaseModel, ConfigDict, PositiveFloat
 
 from contactsense.scene import Scene
-from contactsense.service.recordings.clip_files import CLIP, CONTINUOUS
+from contactsense.service.recordings.clip_files import CLIP, CONTINUOUS, remove_unfinished
 from contactsense.service.recordings.metadata import metadata, removed_delays
 from contactsense.service.recordings.oldest_files import OldestFiles
 from contactsense.service.recordings.parquet_files import write_parquet
@@ -167,6 +167,7 @@ class ClipListener:
     def _write(self) -> None:
         """Main loop of the writer thread."""
         writer: SegmentWriter | None = None
+        remove_unfinished(self._folder)
         while True:
             kind, value, rows_taken = self._work.get()
             try:

@@ -1,5 +1,6 @@
 """Clips and recordings of a service that runs for months: clocks are set, and disks hang."""
 
+import os
 import threading
 import time
 from collections.abc import Callable
@@ -89,6 +90,15 @@ def test_what_waits_for_a_disk_that_hangs_is_bounded(tmp_path: Path, monkeypatch
     assert any("samples are lost: the disk is too slow" in str(report["error"]) for report in told)
     assert (told[-1]["on"], told[-1]["rows"], told[-1]["error"]) == (False, 500, "")
     assert len(list(tmp_path.glob("service-*.parquet"))) == 2
+
+
+def test_what_a_killed_writer_has_left_is_removed(tmp_path: Path) -> None:
+    old, new = (tmp_path / f".clip-20260101T000000-00000{i}.parquet.123" for i in (1, 2))
+    for file in (old, new):
+        file.write_bytes(b"PAR1")
+    os.utime(old, (0.0, time.time() - 2.0 * HOUR))
+    listener_of(tmp_path).close()
+    assert list(tmp_path.iterdir()) == [new]  # perhaps another service is writing it
 
 
 def test_a_flood_of_requests_for_clips_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
