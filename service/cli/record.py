@@ -147,13 +147,12 @@ def _run(live: LiveSource, recorder: Recorder, seconds: float | None, out: Path)
                     progress.update(task, description=_state(live, recorder))
     files = recorder.close()
     health = live.health
-    lost = health.robot.lost + (0 if health.wrench is None else health.wrench.lost)
     for path in recorder.repaired:
         console.print(f"completed from an earlier run: {path.name}", highlight=False)
     size = sum(path.stat().st_size for path in files if path.exists()) / 1e6
     click.echo(
         f"{recorder.rows} samples and {recorder.readings} force/torque readings in {_files(len(files))} in "
-        f"{out} ({size:.1f} MB), {lost} lost"
+        f"{out} ({size:.1f} MB), {health.losses or 0} lost"
         + (
             f"; the oldest were removed to keep --disk-limit-mb: {_files(recorder.removed)}"
             if recorder.removed
@@ -169,8 +168,9 @@ def _files(count: int) -> str:
 
 
 def _state(live: LiveSource, recorder: Recorder) -> str:
-    trouble = live.health.trouble
-    text = f"{recorder.rows} samples, {live.health.robot.lost} lost"
+    health = live.health
+    trouble = health.trouble
+    text = f"{recorder.rows} samples, {health.losses or 0} lost"
     return f"{text}; {trouble}" if trouble else text
 
 

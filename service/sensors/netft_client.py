@@ -19,6 +19,7 @@ from contactsense.sensors.force_units import (
     POUND_FORCE_FOOT,
     POUND_FORCE_INCH,
 )
+from contactsense.service.sensors import receive_buffer
 from contactsense.service.sensors.host_names import HostName
 from contactsense.service.sensors.robot_stream import Backoff, SensorError, State
 
@@ -77,7 +78,7 @@ class WrenchHealth:
     """The latest problem in one readable line; kept after recovery."""
     received: int
     lost: int
-    """Missing records, by sequence number."""
+    """Missing records, by sequence number or because they were not fetched (`overrun`)."""
     duplicates: int
     out_of_order: int
     malformed: int
@@ -146,6 +147,7 @@ class NetFtStream:
         self._start_error = ""
         self._backoff = Backoff(limit=_RETRY)
         self._client: pynetft.Client | None = None
+        self._buffered: int | None = None
         self._past = WrenchHealth("connecting", "", 0, 0, 0, 0, 0, 0, 0, 0, 0.0, None)
         self._restarts = 0
         self._delivered_at = time.monotonic()
@@ -175,6 +177,7 @@ class NetFtStream:
             self._backoff.failed(time.monotonic_ns())
             return
         self._client, self._address, self._start_error = client, address, ""
+        self._buffered = None
         self._backoff.succeeded()
         self._delivered_at, self._refused_at_delivery = time.monotonic(), 0
 
@@ -195,6 +198,15 @@ class NetFtStream:
         elif refused - self._refused_at_delivery >= _STUCK_RECORDS:
             self._restarts += 1
             self._restart(self._address, "counts its readings anew, as after a restart")
+
+    def _enlarge_buffer(self) -> None:
+        """Let the connection's socket hold seconds of readings: pynetft opens one for each connection."""
+        assert self._client is not None
+        health = self._client.health()
+        connection = health.reconnect_count
+        if health.state == pynetft.ClientState.STREAMING and connection != self._buffered:
+            receive_buffer.enlarge((self._address, self._config.rdt_port))
+            self._buffered = connection
 
     def _restart_where_moved(self) -> None:
         """Look up the name of a silent sensor again, and read the sensor at its new address."""
@@ -224,6 +236,8 @@ class NetFtStream:
         now = time.monotonic()
         if records:
             self._delivered_at = now
+        if self._buffered is None or now - self._look_at > 0.1:
+            self._enlarge_buffer()
         if now - self._look_at > 0.1:
             self._look_at = now
             self._restart_where_stuck(now)
@@ -256,7 +270,7 @@ class NetFtStream:
             state="closed" if self._closed else _STATES[now.state],
             error=error,
             received=past.received + now.received_count,
-            lost=past.lost + now.lost_count,
+            lost=past.lost + now.lost_count + now.python_queue_dropped_count,
             duplicates=past.duplicates + now.duplicate_count,
             out_of_order=past.out_of_order + now.out_of_order_count,
             malformed=past.malformed + now.malformed_count,

@@ -68,7 +68,7 @@ _SHARES = {
 _LACKING = "up to {share:.0%} of the samples within a second lack the force/torque reading"
 _READINGS_LOST = (
     "up to {share:.0%} of the readings within a second were lost on their way from the force/torque sensor; "
-    "the others are left out: check its network"
+    "the others are left out: check its network and the load of this computer"
 )
 
 

@@ -28,6 +28,13 @@ class SourceHealth:
     itself."""
 
     @property
+    def losses(self) -> str:
+        """What was lost on the way here, such as `12 samples and 3 force/torque readings`; empty: nothing."""
+        boxes = [sensor for sensor in (self.wrench, *self.links.values()) if sensor is not None]
+        counts = {"samples": self.robot.lost, "force/torque readings": sum(box.lost for box in boxes)}
+        return " and ".join(f"{count} {name}" for name, count in counts.items() if count)
+
+    @property
     def faults(self) -> tuple[str, ...]:
         """Sensors that are not connected, one readable line each."""
         found = []
