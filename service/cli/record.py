@@ -22,6 +22,7 @@ from contactsense.service.cli.option_names import as_options, refusal
 from contactsense.service.cli.output_file import check_writable
 from contactsense.service.cli.record_by_service import record_by_service
 from contactsense.service.cli.sensor_options import from_environment, sensor_options
+from contactsense.service.live.scheduling import RECORDER, prefer_low_latency, prioritize
 from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError, read, scene_in
 from contactsense.service.recordings.export import export
 from contactsense.service.recordings.problem_lines import problem_lines
@@ -113,6 +114,8 @@ def record(
         recorder = Recorder(out, scene, rotation, rate=settings.robot_rate)
         # Readings stay in the row in which they were received, as in any other recording.
         plain = without_delays(scene)
+        prioritize(RECORDER)  # before the threads that read sensors are started
+        prefer_low_latency()
         with contextlib.closing(LiveSource(plain, replace(reader, extra_fields=extra))) as live:
             live.observer = recorder
             _run(live, recorder, seconds, out)

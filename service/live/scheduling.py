@@ -17,8 +17,9 @@ from typing import Literal
 
 Scheduling = Literal["real time", "short slices", "normal"]
 
-PIPELINE, WEB = 2, 1
-"""Real-time priorities: of the pipeline, and of the web server while a controller waits for its answers."""
+PIPELINE, WEB, RECORDER = 2, 1, 1
+"""Real-time priorities: of the pipeline, of the web server while a controller waits for its answers, and of a
+process that only records."""
 SLICE = 100_000
 """The shortest time slice that Linux grants [ns]."""
 SWITCH_INTERVAL = 5e-4

@@ -18,6 +18,7 @@ import pyarrow as pa
 from pydantic import BaseModel, ConfigDict, PositiveFloat
 
 from contactsense.scene import Scene
+from contactsense.service.live.scheduling import deprioritize
 from contactsense.service.recordings.clip_files import CLIP, CONTINUOUS, remove_unfinished
 from contactsense.service.recordings.metadata import metadata, removed_delays
 from contactsense.service.recordings.oldest_files import OldestFiles
@@ -166,6 +167,7 @@ class ClipListener:
 
     def _write(self) -> None:
         """Main loop of the writer thread."""
+        deprioritize()  # the pipeline runs in real time, and is not to wait for files
         writer: SegmentWriter | None = None
         remove_unfinished(self._folder)
         while True:

@@ -3,8 +3,9 @@
 An Arrow stream is readable up to its last complete batch, whatever happens to the writer. A segment is closed
 when it reaches a given size or duration. One thread writes the streams and another one converts closed
 segments to Parquet: a busy disk holds up a write for seconds, during which a thread that reads sensors would
-lose readings. Unfinished files of a killed writer are converted to Parquet at the next start; those of a
-writer that still runs are locked and left alone.
+lose readings. Both are scheduled normally where that thread runs in real time. Unfinished files of a killed
+writer are converted to Parquet at the next start; those of a writer that still runs are locked and left
+alone.
 """
 
 import os
@@ -22,6 +23,7 @@ import pyarrow as pa
 import pyarrow.parquet as pa_parquet
 
 from contactsense.robots.file_lock import AVAILABLE, lock
+from contactsense.service.live.scheduling import deprioritize
 from contactsense.service.recordings.metadata import creation
 from contactsense.service.recordings.oldest_files import OldestFiles
 from contactsense.service.recordings.problems import RecordingError
@@ -88,9 +90,9 @@ class SegmentWriter:
         self._path = folder
         self._lock: IO[bytes] | None = None
         self._opened, self._bytes = 0.0, 0
-        self._writer = ThreadPoolExecutor(1, thread_name_prefix="segments")
+        self._writer = ThreadPoolExecutor(1, "segments", deprioritize)
         self._writing: deque[Future[None]] = deque()
-        self._completer = ThreadPoolExecutor(1, thread_name_prefix="completed-segments")
+        self._completer = ThreadPoolExecutor(1, "completed-segments", deprioritize)
         self._completing: deque[Future[None]] = deque()
         self.rows = 0
         """Number of rows added so far."""
