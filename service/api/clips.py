@@ -70,9 +70,20 @@ class RecordingOut(BaseModel):
     """The recording on the service's host."""
 
     folder: str
-    on: bool
+    on: bool = Field(
+        description="Whether it goes on; also while files cannot be written, since that is tried again."
+    )
     rows: int = Field(0, description="Samples written so far.")
-    error: str = Field("", description="Why it stopped, if it did not by request.")
+    error: str = Field("", description="Why the latest samples are missing; empty if none are.")
+
+    @property
+    def trouble(self) -> str:
+        """What is wrong with it in one readable line; empty if nothing is."""
+        if not self.error:
+            return ""
+        if self.on:
+            return f"the recording lacks samples; it goes on once files can be written: {self.error}"
+        return f"the recording ended, and its last file is incomplete: {self.error}"
 
 
 class Clips:

@@ -176,8 +176,8 @@ class Service:
             for name, action in self.reactions.actions.items()
             if action.error
         ]
-        if self.clips.recording.error:
-            found.append(f"the recording ended: {self.clips.recording.error}")
+        if self.clips.recording.trouble:
+            found.append(self.clips.recording.trouble)
         if self.journal.error:
             found.append(f"{self.journal.error}: events are in memory only; is the disk full?")
         if self.webhooks.error:

@@ -188,17 +188,21 @@ class ClipListener:
                     self._reports.append({"type": "recording", "on": True, "rows": writer.rows, "error": ""})
                 if kind == "lost":
                     raise OSError(f"samples are lost: {_SLOW}")
-                if kind in ("stop", "end") and writer is not None:
-                    rows = writer.rows
-                    writer.close()
-                    writer = None
+                if kind == "stop" or (kind == "end" and writer is not None):
+                    rows = 0
+                    if writer is not None:
+                        ended, writer = writer, None  # one that fails to close is closed all the same
+                        rows = ended.rows
+                        ended.close()
                     self._reports.append({"type": "recording", "on": False, "rows": rows, "error": ""})
             except (OSError, ValueError, pa.ArrowException) as error:
                 if writer is not None:
                     with suppress(OSError, ValueError, pa.ArrowException):
                         writer.close()
                 writer = None
-                self._reports.append({"type": "recording", "on": False, "rows": 0, "error": str(error)})
+                # The next rows begin another file, as the disk may have space by then.
+                goes_on = kind in ("rows", "lost")
+                self._reports.append({"type": "recording", "on": goes_on, "rows": 0, "error": str(error)})
             self._done += rows_taken
             if kind == "end":
                 return

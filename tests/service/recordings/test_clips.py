@@ -118,7 +118,7 @@ def test_a_recording_goes_on_in_a_new_process_and_a_lost_clip_is_told(tmp_path: 
     assert "started again" in clips.clips[1].error
     clips.handle_report({"type": "recording", "on": True, "rows": 250, "error": ""})
     assert (clips.recording.on, clips.recording.rows) == (True, 750)
-    clips.handle_report({"type": "recording", "on": False, "rows": 0, "error": "the disk is full"})
+    clips.handle_report({"type": "recording", "on": True, "rows": 0, "error": "the disk is full"})
     assert clips.recording.error == "the disk is full"
     assert clips.record(False)
     clips.handle_report(started)
@@ -136,7 +136,7 @@ def test_rows_are_those_since_the_recording_began(tmp_path: Path) -> None:
 
     clips.record(True)
     assert rows(True, 5000) == 5000
-    assert rows(False, 0, "the disk is full") == rows(False, 0, "the disk is full") == 5000
+    assert rows(True, 0, "the disk is full") == rows(True, 0, "the disk is full") == 5000
     assert rows(True, 250) == 5250  # there is room again: a new file
     clips.record(False)
     clips.record(True)  # before the end of the one before is reported
