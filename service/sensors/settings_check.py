@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def check_settings(settings: "SourceSettings") -> None:
-    """Check the numbers of the settings, and the counts of their `link_wrenches`.
+    """Check the numbers of the settings, and those of their `link_wrenches`.
 
     Raises:
         SensorError: A field cannot be used; the text names it.
@@ -19,9 +19,7 @@ def check_settings(settings: "SourceSettings") -> None:
     if settings.client not in ("rtde", "ur_rtde"):
         raise SensorError(f"client: expected rtde or ur_rtde, got {settings.client!r}")
     for name in ("robot_port", "wrench_port", "wrench_http_port"):
-        port = getattr(settings, name)
-        if not isinstance(port, int) or not 0 <= port <= 65535:
-            raise SensorError(f"{name}: expected a whole number from 0 to 65535, got {port!r}")
+        _check_port(name, getattr(settings, name))
     for name in ("frequency", "wrench_rate", "wrench_max_age"):
         value = getattr(settings, name)
         if not _is_positive(value) and not (name == "wrench_rate" and value is None):
@@ -32,7 +30,14 @@ def check_settings(settings: "SourceSettings") -> None:
         raise SensorError(f"wrench_delay: expected a finite number, got {settings.wrench_delay!r}")
     _check_counts("wrench_counts", settings.wrench_counts)
     for name, source in settings.link_wrenches.items():
+        _check_port(f"link_wrenches.{name}.port", source.port)
+        _check_port(f"link_wrenches.{name}.http_port", source.http_port)
         _check_counts(f"link_wrenches.{name}.counts", source.counts)
+
+
+def _check_port(name: str, port: Any) -> None:
+    if not isinstance(port, int) or isinstance(port, bool) or not 0 <= port <= 65535:
+        raise SensorError(f"{name}: expected a whole number from 0 to 65535, got {port!r}")
 
 
 def _check_counts(name: str, counts: Any) -> None:
@@ -43,7 +48,8 @@ def _check_counts(name: str, counts: Any) -> None:
 
 
 def _is_finite(value: Any) -> bool:
-    return isinstance(value, Real) and math.isfinite(value)
+    # A flag is a number to Python.
+    return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def _is_positive(value: Any) -> bool:
