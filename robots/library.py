@@ -7,7 +7,7 @@ from importlib import resources
 from pathlib import Path
 
 from contactsense.robots import yaml_schema as schema
-from contactsense.robots.errors import RobotError, UnknownRobotError
+from contactsense.robots.errors import RobotError, SurfaceFileError, UnknownRobotError
 from contactsense.robots.robot import Robot
 
 MESH_SUFFIXES = (".ply", ".dae", ".obj", ".stl", ".glb")
@@ -96,7 +96,7 @@ def from_urdf(path: str | Path, tip: str | None = None, name: str | None = None)
         return urdf.from_urdf(path, tip, name)
     fitted = schema.read_surface(surface).tip
     if tip is not None and fitted not in (None, tip):
-        raise RobotError(f"{surface}: tip: expected {tip}, but it was made for {fitted}")
+        raise SurfaceFileError(f"{surface}: tip: expected {tip}, but it was made for {fitted}")
     return schema.with_surface(urdf.from_urdf(path, fitted or tip, name), surface)
 
 

@@ -23,7 +23,7 @@ from pydantic import (
 
 from contactsense.robots import yaml_fields
 from contactsense.robots.deviation_table import read_cells
-from contactsense.robots.errors import RobotError
+from contactsense.robots.errors import RobotError, SurfaceFileError
 from contactsense.robots.field_errors import joined, reasons
 from contactsense.robots.file_model import FileModel
 from contactsense.robots.primitive_extent import beyond
@@ -217,12 +217,12 @@ def with_surface(bare: Robot, path: Path) -> Robot:
     """A robot with the primitives of a `.surface.yaml`; links that are not in the file get none.
 
     Raises:
-        RobotError: the file is missing or wrong, or names a link that the robot does not have.
+        SurfaceFileError: the file is missing or wrong, or names a link that the robot does not have.
     """
     surface = read_surface(path).links
     for name in surface:
         if name not in bare.link_names:
-            raise RobotError(f"{path}: links.{name}: {bare.name} has no such link")
+            raise SurfaceFileError(f"{path}: links.{name}: {bare.name} has no such link")
     links = (
         _with_primitives(link, surface[link.name]) if link.name in surface else link for link in bare.links
     )
@@ -243,6 +243,9 @@ def read_surface(path: Path) -> SurfaceEntry:
     """Content of a `.surface.yaml`.
 
     Raises:
-        RobotError: the file is missing or wrong.
+        SurfaceFileError: the file is missing or wrong.
     """
-    return check(SurfaceEntry, read_yaml(path, "the surface"), path)
+    try:
+        return check(SurfaceEntry, read_yaml(path, "the surface"), path)
+    except RobotError as error:
+        raise SurfaceFileError(str(error)) from error.__cause__

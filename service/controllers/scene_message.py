@@ -8,6 +8,7 @@ from typing import Any
 
 from contactsense import robots
 from contactsense.robots import Robot, RobotError
+from contactsense.robots.errors import SurfaceFileError
 from contactsense.robots.field_errors import joined
 from contactsense.scene import Scene, SceneError
 from contactsense.service.controllers.sample_message import MessageError
@@ -78,7 +79,7 @@ def _robot(urdf: str, surface: str, tip: Any) -> Robot:
             return robots.from_urdf(path, tip)
         except RobotError as error:
             reason = str(error).replace(f"{path.parent}/", "")
-            field = "scene.surface" if reason.startswith(f"{skin.name}: ") else "scene.urdf"
+            field = "scene.surface" if isinstance(error, SurfaceFileError) else "scene.urdf"
             raise MessageError(
                 field, reason.removeprefix(f"{skin.name}: ").removeprefix(f"{path.name}: ")
             ) from None

@@ -10,6 +10,7 @@ from contactsense import Scene, robots
 from contactsense.robots.decomposition import mesh_sources
 from contactsense.robots.decomposition.mesh_sources import meshes_of, read_arm, read_tool, skin_grids
 from contactsense.robots.decomposition.yaml_export import text, tool_text
+from contactsense.robots.errors import SurfaceFileError
 from contactsense.robots.meshes import from_folder
 from contactsense.robots.primitives import Sphere
 from tests.robots.test_urdf import JOINT, LINK, arm, write
@@ -76,7 +77,7 @@ def test_the_tip_is_read_from_the_surface(tmp_path: Path) -> None:
     assert robot.tip == "link3"
     assert len(robot.joints) == 3
     assert robots.from_urdf(path, tip="link3").link_names == robot.link_names
-    with pytest.raises(robots.RobotError, match=r"tip: expected plate, but it was made for link3"):
+    with pytest.raises(SurfaceFileError, match=r"tip: expected plate, but it was made for link3"):
         robots.from_urdf(path, tip="plate")
     assert set(meshes_of(robot)) == set(robot.link_names)
 

@@ -9,6 +9,7 @@ import yaml
 
 from contactsense import Scene, SceneError, robots
 from contactsense.robots import library
+from contactsense.robots.errors import SurfaceFileError
 from tests.shared import truth
 
 DH = {
@@ -182,12 +183,12 @@ def test_surface_of_a_link_that_is_not_there(tmp_path: Path) -> None:
     surface = tmp_path / "two_bars.surface.yaml"
     sphere = "[{kind: sphere, center: [0, 0, 0], radius: 1}]"
     surface.write_text(f"robot: two_bars\nlinks: {{elbow: {{fine: {sphere}, coarse: {sphere}}}}}")
-    with pytest.raises(robots.RobotError, match=r"surface.yaml: links.elbow: two_bars has no such link"):
+    with pytest.raises(SurfaceFileError, match=r"surface.yaml: links.elbow: two_bars has no such link"):
         robots.load(path)
     surface.write_text(
         f"robot: two_bars\nlinks: {{bar: {{fine: {sphere.replace('1}', '-1}')}, coarse: {sphere}}}}}"
     )
-    with pytest.raises(robots.RobotError, match=r"links.bar.fine.0.*radius"):
+    with pytest.raises(SurfaceFileError, match=r"links.bar.fine.0.*radius"):
         robots.load(path)
     surface.write_text(
         f"robot: two_bars\nlinks: {{bar: {{fine: {sphere}, coarse: {sphere.replace('1}', '40}')}}}}}"
