@@ -14,7 +14,7 @@ step to the next, white noise of variance v in the velocity gives D the variance
 
 A joint at rest reports zero velocity, so it has no noise, and g has fewer terms in the first samples after
 rest. When it moves again, it begins with the noise that it had. Before it has ever moved, that of a real arm
-is assumed. In its first samples all of D is noise, and the largest of them counts.
+is assumed. In its first samples all of D is noise, up to `LARGEST_FIRST_NOISE`; the largest of them counts.
 """
 
 import math
@@ -33,12 +33,16 @@ PRIOR_NOISE = 0.001
 """Standard deviation of the velocities of a real UR10e [rad/s], see
 `tests/contactsense/residuals/test_real_velocities.py`."""
 PRIOR_SAMPLES, FIRST_SAMPLES = 2.0, 10.0
-"""Number of samples that it counts for, and number up to which all of D is noise."""
+"""Number of samples that it counts for, and number up to which all of D is noise. No average is over fewer,
+however long the steps are: it could be much too small by chance."""
+LARGEST_FIRST_NOISE = 0.03
+"""Standard deviation of the velocity that the first samples can show [rad/s]. More is a wrong value, which a
+joint that is at rest afterwards would remember."""
 REFRESH_TIME, REFRESH_CHANGE, REFRESH_SHARE = 0.02, 1.2, 0.8
 """What depends on the noise and the posture is worked out again after this time [s], in which no link moves
 far, when the sum of the variances has changed by this factor, or for a change of the accelerations of which
 the share in D^2 is larger than this."""
-_LEAST_VARIANCE = 1e-30
+LEAST_VARIANCE = 1e-30
 """Where velocities have no noise at all [rad^2/s^2]."""
 _NONE = (0.0, 0.0, 0.0)
 
@@ -98,8 +102,12 @@ def follow_velocity_noise(state: VelocityNoise, qd: np.ndarray, dt: float) -> bo
         history.count, history.age, history.sum_then = 0, 0.0, 0.0
         state.samples[:] = 0.0
         state.moving[:] = 0
+        state.velocity[:], state.acceleration[:] = 0.0, 0.0
     # 1 / dt, 1 / dt0, and the least weight of a sample.
-    rates = (1.0 / dt, 1.0 / history.step, -math.expm1(-dt / NOISE_TIME)) if history.count >= 2 else _NONE
+    rates = _NONE
+    if history.count >= 2:
+        least_weight = min(-math.expm1(-dt / NOISE_TIME), 1.0 / FIRST_SAMPLES)
+        rates = (1.0 / dt, 1.0 / history.step, least_weight)
     per_time = 1.0 / dt if history.count >= 1 else 0.0
     total, begins, moving, squares = 0.0, False, 0, 0.0
     for j in range(qd.shape[0]):
@@ -124,7 +132,7 @@ def follow_velocity_noise(state: VelocityNoise, qd: np.ndarray, dt: float) -> bo
     history.count += 1
     history.step = dt
     history.age += dt
-    share = 1.0 - moving / squares if squares > moving else 0.0
+    share = share_of_changes(squares, moving)
     history.changes = share > 0.0
     for j in range(qd.shape[0]):
         state.change[j] *= math.sqrt(share)
@@ -152,18 +160,32 @@ def _follow_change(state: VelocityNoise, j: int, rates: tuple[float, float, floa
         D^2 / (g v).
     """
     newest, before, least_weight = rates
-    g, moving = newest * newest, state.moving[j]
-    if moving >= 2:
-        g += (newest + before) ** 2
-    if moving >= 3:
-        g += before * before
-    square, first = state.change[j] * state.change[j] / g, state.samples[j] < FIRST_SAMPLES
-    known = state.variance[j]
-    counted = square if first else min(square, LARGEST_DEVIATION * LARGEST_DEVIATION * known)
+    square = state.change[j] * state.change[j] / noise_gain(newest, before, state.moving[j])
+    first, known = state.samples[j] < FIRST_SAMPLES, state.variance[j]
+    # Noise that had vanished for long can still grow from the least variance.
+    largest = LARGEST_DEVIATION * LARGEST_DEVIATION * max(known, LEAST_VARIANCE)
+    counted = min(square, LARGEST_FIRST_NOISE * LARGEST_FIRST_NOISE if first else largest)
     state.samples[j] += 1.0
     weight = max(1.0 / state.samples[j], least_weight)
     state.variance[j] += weight * (counted - known)
     if first:
-        known = max(known, state.present[j], square)
+        known = max(known, state.present[j], counted)
     state.present[j] = known if first else state.variance[j]
-    return float(square / max(known, _LEAST_VARIANCE))
+    return float(square / max(known, LEAST_VARIANCE))
+
+
+@inlined_kernel
+def noise_gain(newest: float, before: float, moving: int) -> float:
+    """g, for 1 / dt and 1 / dt0 [1/s] and the number of samples since the joint was at rest."""
+    g = newest * newest
+    if moving >= 2:
+        g += (newest + before) ** 2
+    if moving >= 3:
+        g += before * before
+    return g
+
+
+@inlined_kernel
+def share_of_changes(squares: float, moving: int) -> float:
+    """1 - n / Q, or 0, for `squares` = Q and `moving` = n."""
+    return 1.0 - moving / squares if squares > moving else 0.0

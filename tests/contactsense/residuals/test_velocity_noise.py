@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
-from contactsense.residuals.velocity_noise import PRIOR_NOISE, VelocityNoise, follow_velocity_noise
+from contactsense.residuals.velocity_noise import (
+    LARGEST_FIRST_NOISE,
+    PRIOR_NOISE,
+    VelocityNoise,
+    follow_velocity_noise,
+)
 from contactsense.robots.jit.flat_buffers import zeros
 
 
@@ -119,3 +124,56 @@ def test_a_restart_forgets_everything() -> None:
     follow_velocity_noise(state, np.array([0.3]), 0.0)
     assert state.present[0] == PRIOR_NOISE**2
     assert state.history[0].due
+
+
+@pytest.mark.parametrize("gap", [0.1, 0.5, 10.0])
+def test_after_a_gap_the_noise_is_still_an_average(gap: float) -> None:
+    """One sample alone is a hundredth of the variance in every twelfth case."""
+    chance, steps = np.random.default_rng(6), np.full(260, 0.002)
+    steps[200] = gap
+    after = [
+        found[i].present[0] / 0.001**2
+        for _ in range(50)
+        for found in [followed(0.3 + 0.001 * chance.standard_normal((260, 1)), steps)]
+        for i in (200, 210)
+    ]
+    assert min(after) > 0.3
+    assert max(after) < 3.0
+
+
+def test_slow_samples_have_the_same_noise() -> None:
+    velocity = 0.3 + 0.001 * np.random.default_rng(7).standard_normal((2000, 2))
+    variance = np.array([state.present for state in followed(velocity, 0.1)[100:]])
+    assert np.quantile(variance, 0.01) > 0.2 * 0.001**2
+    np.testing.assert_allclose(np.sqrt(variance.mean(axis=0)), 0.001, rtol=0.06)
+
+
+def test_a_wrong_value_at_rest_is_no_noise_of_the_next_motion() -> None:
+    chance = np.random.default_rng(8)
+    velocity = np.zeros((1000, 1))
+    velocity[20] = 100.0
+    velocity[500:] = 0.3 + 0.001 * chance.standard_normal((500, 1))
+    found = followed(velocity)
+    assert found[21].history[0]["changes"]
+    assert np.sqrt(found[500].present[0]) <= LARGEST_FIRST_NOISE
+    assert found[-1].present[0] == pytest.approx(0.001**2, rel=0.5)
+
+
+def test_noise_that_has_vanished_is_measured_when_it_is_back() -> None:
+    """At a constant velocity without noise the variance falls below what a number can hold."""
+    chance = np.random.default_rng(9)
+    velocity = np.full((30000, 1), 0.3)
+    velocity[-4000:] += 0.001 * chance.standard_normal((4000, 1))
+    steps = np.where(np.arange(30000) < 26000, 0.05, 0.002)
+    found = followed(velocity, steps)
+    assert found[25000].present[0] < 1e-300
+    assert found[-1].present[0] == pytest.approx(0.001**2, rel=0.5)
+
+
+def test_a_restart_at_rest_is_a_start_at_rest() -> None:
+    state = zeros(VelocityNoise, joints=1)
+    for i in range(50):
+        follow_velocity_noise(state, np.array([0.3]), 0.002 if i else 0.0)
+    follow_velocity_noise(state, np.zeros(1), 0.0)
+    assert state.present[0] == 0.0
+    assert state.samples[0] == 0.0
