@@ -13,15 +13,17 @@ The momentum of what the sensor carries is h = sum a_j qd_j, with a_j that of a 
 
       C <- a^2 C + (K dt)^2 D D^T / 12,    a = exp(-K dt).
 
-v_j and d_j are those of `contactsense.residuals.velocity_noise`. S and a_j are worked out again where it says
-so: they change slowly.
+v_j is that of `contactsense.residuals.velocity_noise`, d_j that of
+`contactsense.residuals.sensor_step_change`. S and a_j are worked out again where the first says so: they
+change slowly.
 """
 
 import math
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
+from contactsense.residuals.sensor_step_change import SensorStepChange, follow_sensor_step
 from contactsense.residuals.timing_error import decay_and_gain
 from contactsense.residuals.velocity_noise import VelocityNoise
 from contactsense.robots.jit.declaration import Floats
@@ -31,14 +33,20 @@ CORRELATION_TIME = 0.005
 """For how long the noise of velocities is correlated [s]. Samples of a real UR10e 10 ms apart are nearly
 independent (`tests/contactsense/residuals/test_real_velocities.py`); shorter times have not been measured."""
 
+_FORGOTTEN = 1e-20
+"""Trace below which C is zero, far below any sensor's noise [N^2, Nm^2]: numbers that go on to
+decay become denormal, and those take long."""
+
 
 class WrenchVelocityError(NamedTuple):
     """State for one force/torque sensor; wrenches in base axes about the base origin."""
 
     unit_momentum: Annotated[Floats, "joints, 6"]
     """a_j [kg m, kg m^2]."""
+    steps: SensorStepChange
+    """d_j over the sensor's own steps."""
     change: Annotated[Floats, "6"]
-    """D since the sensor's last value [N, Nm]."""
+    """Scratch: D [N, Nm]."""
     noise_covariance: Annotated[Floats, "6, 6"]
     """S, covariance of the momentum's noise [N^2 s^2, N Nm s^2, Nm^2 s^2]."""
     instant_covariance: Annotated[Floats, "6, 6"]
@@ -67,12 +75,10 @@ def advance_wrench_velocity_error(
         state.noise_covariance[:] = 0.0
         for j in range(a.shape[0]):
             _add_product(state.noise_covariance, a[j], velocities.present[j])
-    if history.changes:
-        for j in range(a.shape[0]):
-            for i in range(6):
-                state.change[i] += a[j, i] * velocities.change[j]
     if dt >= 0.0:
-        _add_change(state, dt, bandwidth)
+        _decay(state, dt, bandwidth)
+        if follow_sensor_step(state.steps, velocities, dt):
+            _add_change(state, dt, bandwidth)
     for i in range(6):
         for k in range(6):
             state.noise[i, k] = K * K * state.noise_covariance[i, k]
@@ -80,19 +86,24 @@ def advance_wrench_velocity_error(
 
 
 @inlined_kernel
-def _add_change(state: WrenchVelocityError, dt: float, bandwidth: float) -> None:
-    """Let C decay, and D count towards it."""
-    decay, gain = decay_and_gain(dt, bandwidth)
-    if dt == 0.0:
-        decay, gain = 0.0, 0.0
-    square = 0.0
+def _decay(state: WrenchVelocityError, dt: float, bandwidth: float) -> None:
+    trace = 0.0
     for i in range(6):
-        square += state.change[i] * state.change[i]
+        trace += state.instant_covariance[i, i]
+    decay = decay_and_gain(dt, bandwidth)[0] if dt > 0.0 and trace > _FORGOTTEN else 0.0
+    for i in range(6):
         for k in range(6):
             state.instant_covariance[i, k] *= decay
-    if square > 0.0:
-        _add_product(state.instant_covariance, state.change, gain)
-        state.change[:] = 0.0
+
+
+@inlined_kernel
+def _add_change(state: WrenchVelocityError, dt: float, bandwidth: float) -> None:
+    """Let D count towards C."""
+    state.change[:] = 0.0
+    for j in range(state.unit_momentum.shape[0]):
+        for i in range(6):
+            state.change[i] += state.unit_momentum[j, i] * state.steps.change[j]
+    _add_product(state.instant_covariance, state.change, decay_and_gain(dt, bandwidth)[1])
 
 
 @inlined_kernel
@@ -121,8 +132,11 @@ def noise_share_in_average(share: float, bandwidth: float) -> float:
 @inlined_kernel
 def of_link_sensor(states: WrenchVelocityError, number: int) -> WrenchVelocityError:
     """The state of one of several sensors, from arrays with a leading axis."""
+    steps = states.steps
+    history: Any = steps.history[number]
     return WrenchVelocityError(
         states.unit_momentum[number],
+        SensorStepChange(steps.velocity[number], steps.acceleration[number], steps.change[number], history),
         states.change[number],
         states.noise_covariance[number],
         states.instant_covariance[number],

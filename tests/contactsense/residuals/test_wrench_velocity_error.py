@@ -117,6 +117,9 @@ def test_a_jump_of_an_acceleration_is_covered_in_its_direction_and_forgotten() -
     along = jump / np.linalg.norm(jump)
     assert along @ found[at] @ along > 2.0 * across @ found[at] @ across
     assert found[-1, 0, 0] < 1e-2 * found[at, 0, 0]
+    assert not covariances(np.vstack((velocity[:, None], np.zeros((600, 1)))), jump[None], even(1000, dt))[
+        -1
+    ].any()
 
 
 def test_a_slower_sensor_has_the_change_of_its_own_interval() -> None:
@@ -177,3 +180,30 @@ def test_in_an_average_noise_is_less_than_that_of_the_sensor(duration: float) ->
     assert measured < stated
     assert noise_share_in_average(1.0, BANDWIDTH) == 1.0
     assert noise_share_in_average(0.1, BANDWIDTH) < 0.4 * 0.1
+
+
+@pytest.mark.parametrize("every", [2, 4, 8])
+@pytest.mark.parametrize("joints", [1, 6])
+def test_the_noise_of_a_slower_sensor_is_not_overstated(joints: int, every: int) -> None:
+    """As little as for one with a value in each sample: its step is longer than that of the velocities."""
+    chance, n, dt = np.random.default_rng(5), 6000, 0.002
+    columns = chance.standard_normal((joints, 6)) * [10.0, 10.0, 10.0, 4.0, 4.0, 4.0]
+    velocity = 0.4 + 0.001 * chance.standard_normal((n, joints))
+    own = np.where(np.arange(n) % every == 0, even(n, every * dt), NO_STEP)
+    stated = covariances(velocity, columns, even(n, dt), own)[1000:].mean(axis=0)
+    residuals = residuals_of((velocity[::every] - 0.4) @ columns, even(n // every, every * dt))[100:]
+    ratio = np.trace(stated) / np.trace(np.cov(residuals.T))
+    assert 1.0 < ratio < 2.3
+
+
+def test_a_missed_wrench_lets_the_next_one_have_the_change_of_both_steps() -> None:
+    dt, column = 0.002, np.array([[1.0, 0.0, 0.0, 0.0, 0.0, 0.0]])
+    t = dt * np.arange(200)
+    velocity = (0.1 + 30.0 * np.maximum(t - 0.2, 0.0))[:, None]
+    own, at = even(200, dt), int(np.argmax(t > 0.2 + 1e-9))
+    own[at], own[at + 1] = NO_STEP, 2.0 * dt
+    missed = covariances(velocity, column, even(200, dt), own)
+    assert missed[at, 0, 0] < 1e-3
+    assert missed[at + 1, 0, 0] == pytest.approx((K * 2.0 * dt * 30.0) ** 2 / 12.0, rel=1e-2)
+    # That acceleration lasts.
+    assert missed[at + 2, 0, 0] == pytest.approx(math.exp(-2.0 * K * dt) * missed[at + 1, 0, 0], rel=1e-2)
