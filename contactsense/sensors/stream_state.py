@@ -28,6 +28,8 @@ _STEP_SMOOTHING = 0.05
 _LARGEST_VALUE = 1e6
 """Larger positions, velocities, forces and torques are implausible; their squares could overflow [rad, rad/s,
 N, Nm]."""
+SHORTEST_STEP = 1e-9
+"""Two samples nearer in time have the same time: squares of rates over shorter steps could overflow [s]."""
 LONGEST_STEP = 86400.0
 """Longest step that enters the random walk of the biases; a longer one counts as this [s]."""
 
@@ -140,7 +142,7 @@ def register_sample(stream: StreamState, t: float, sensor_bits: int, bandwidth: 
     clock, timing, steps, usable = stream.clock[0], stream.timing, stream.steps, stream.usable
     if not (math.isfinite(t) and _is_plausible(stream.q) and _is_plausible(stream.qd)):
         return UNUSABLE
-    if t == clock.t:
+    if 0.0 <= t - clock.t < SHORTEST_STEP:
         return REPEATED
     flags = 0
     if t < clock.t:
