@@ -53,7 +53,7 @@ def _with_faults(block: SampleBlock) -> SampleBlock:
     return SampleBlock(t, q, block.qd, torque, wrench)
 
 
-def _agree(
+def agree(
     scene: Scene, block: SampleBlock, cut: Callable[[SampleBlock], list[SampleBlock]]
 ) -> list[Estimate]:
     one, many = Localizer(scene), Localizer(scene)
@@ -87,11 +87,11 @@ def _agree(
 
 
 def test_blocks_give_the_answers_of_single_samples() -> None:
-    _agree(Scene(robot=plain_ur5e()), recording(), lambda block: [block])
+    agree(Scene(robot=plain_ur5e()), recording(), lambda block: [block])
 
 
 def test_it_does_not_matter_where_blocks_are_cut() -> None:
-    _agree(
+    agree(
         Scene(robot=plain_ur5e()),
         _with_faults(recording()),
         lambda block: [block[:1], block[1:617], block[617:618], block[618:3000], block[3000:]],
@@ -110,7 +110,7 @@ def test_faults_are_flagged() -> None:
 
 @pytest.mark.parametrize("changes", [{"contacts": 2}, {"picks_up": True}])
 def test_contacts_that_need_more_than_the_kernel_go_through_it_one_by_one(changes: dict[str, object]) -> None:
-    _agree(
+    agree(
         Scene(robot=plain_ur5e(), **changes), recording()[:4000], lambda block: [block[:1500], block[1500:]]
     )
 
@@ -118,14 +118,14 @@ def test_contacts_that_need_more_than_the_kernel_go_through_it_one_by_one(change
 def test_a_scene_without_a_base_sensor() -> None:
     block = recording()
     only = SampleBlock(block.t, block.q, block.qd, block.joint_torque)[:3000]
-    _agree(Scene(robot=plain_ur5e(), base_wrench=None), only, lambda block: [block])
+    agree(Scene(robot=plain_ur5e(), base_wrench=None), only, lambda block: [block])
 
 
 def test_a_scene_with_friction_and_uncertain_masses() -> None:
     friction = Friction(coulomb=0.4, viscous=0.2, lubricant=0.1, load=0.01, error=0.5)
     torque = JointTorqueSensor(friction=friction, model_error=0.5, inertia_torque_error=0.1)
     scene = Scene(robot=plain_ur5e(), inertia_error=0.02, joint_torque=torque)
-    _agree(scene, _with_faults(recording())[:4000], lambda block: [block[:1001], block[1001:]])
+    agree(scene, _with_faults(recording())[:4000], lambda block: [block[:1001], block[1001:]])
 
 
 def test_a_scene_with_a_wrist_sensor() -> None:
@@ -135,7 +135,7 @@ def test_a_scene_with_a_wrist_sensor() -> None:
     tool = Tool(mass=0.01, primitives=(Sphere(center=(0.0, 0.0, 0.05), radius=0.03),))
     scene = Scene(robot=plain_ur5e(), wrist_wrench=WrenchSensor(), tool=tool)
     whole = SampleBlock(block.t, block.q, block.qd, block.joint_torque, block.base_wrench, noise)
-    _agree(scene, whole, lambda block: [block])
+    agree(scene, whole, lambda block: [block])
 
 
 def test_residuals_without_contact_are_as_large_as_their_deviation() -> None:
