@@ -12,9 +12,10 @@ step to the next, white noise of variance v in the velocity gives D the variance
   wrong by D dt, twice as much as noise of the same D. So with Q the sum of D^2 / (g v) over the n joints that
   move, the share 1 - n / Q of D^2 counts as a change of the accelerations, if it is positive.
 
-A joint at rest reports zero velocity, so it has no noise, and g has fewer terms in the first samples after
-rest. When it moves again, it begins with the noise that it had. Before it has ever moved, that of a real arm
-is assumed. In its first samples all of D is noise, up to `LARGEST_FIRST_NOISE`; the largest of them counts.
+A joint at rest reports zero velocity, so it has no noise, and g has fewer terms in the first two samples
+after rest, in which the motion begins: they do not count in the average. When a joint moves again, it begins
+with the noise that it had. When it moves for the first time, all of D is noise, up to `LARGEST_FIRST_NOISE`,
+and until enough samples are known the largest of them counts, of all joints that move for the first time.
 """
 
 import math
@@ -29,12 +30,9 @@ NOISE_TIME = 0.1
 """Time constant of the average [s]: many samples, and short beside changes of the motion."""
 LARGEST_DEVIATION = 3.0
 """Standard deviations of D that count as noise."""
-PRIOR_NOISE = 0.001
-"""Standard deviation of the velocities of a real UR10e [rad/s], see
-`tests/contactsense/residuals/test_real_velocities.py`."""
-PRIOR_SAMPLES, FIRST_SAMPLES = 2.0, 10.0
-"""Number of samples that it counts for, and number up to which all of D is noise. No average is over fewer,
-however long the steps are: it could be much too small by chance."""
+FIRST_SAMPLES = 10.0
+"""Number of samples up to which all of D is noise. No average is over fewer, however long the steps are: it
+could be much too small by chance."""
 LARGEST_FIRST_NOISE = 0.03
 """Standard deviation of the velocity that the first samples can show [rad/s]. More is a wrong value, which a
 joint that is at rest afterwards would remember."""
@@ -79,7 +77,7 @@ class VelocityNoise(NamedTuple):
     moving: Annotated[Integers, "joints"]
     """Number of samples since the joint was at rest."""
     samples: Annotated[Floats, "joints"]
-    """Number of samples that `variance` counts for; 0: it has never moved."""
+    """Number of samples that `variance` counts for."""
     change: Annotated[Floats, "joints"]
     """Sudden change of the acceleration at this sample, as far as it is no noise [rad/s^2]."""
     history: Annotated[Records[VelocitySamples], "1"]
@@ -100,7 +98,7 @@ def follow_velocity_noise(state: VelocityNoise, qd: np.ndarray, dt: float) -> bo
     history = state.history[0]
     if dt <= 0.0:
         history.count, history.age, history.sum_then = 0, 0.0, 0.0
-        state.samples[:] = 0.0
+        state.samples[:], state.variance[:], state.present[:] = 0.0, 0.0, 0.0
         state.moving[:] = 0
         state.velocity[:], state.acceleration[:] = 0.0, 0.0
     # 1 / dt, 1 / dt0, and the least weight of a sample.
@@ -109,7 +107,7 @@ def follow_velocity_noise(state: VelocityNoise, qd: np.ndarray, dt: float) -> bo
         least_weight = min(-math.expm1(-dt / NOISE_TIME), 1.0 / FIRST_SAMPLES)
         rates = (1.0 / dt, 1.0 / history.step, least_weight)
     per_time = 1.0 / dt if history.count >= 1 else 0.0
-    total, begins, moving, squares = 0.0, False, 0, 0.0
+    begins, moving, squares, largest = dt <= 0.0, 0, 0.0, 0.0
     for j in range(qd.shape[0]):
         state.change[j], before = 0.0, state.present[j]
         acceleration = (qd[j] - state.velocity[j]) * per_time
@@ -118,24 +116,25 @@ def follow_velocity_noise(state: VelocityNoise, qd: np.ndarray, dt: float) -> bo
             state.present[j], state.moving[j] = 0.0, 0
         else:
             state.moving[j] += 1
-            if state.samples[j] == 0.0:
-                state.variance[j], state.samples[j] = PRIOR_NOISE * PRIOR_NOISE, PRIOR_SAMPLES
             if history.count >= 2:
                 state.change[j] = acceleration - state.acceleration[j]
                 squares += _follow_change(state, j, rates)
                 moving += 1
-            else:
-                state.present[j] = state.variance[j]
         begins = begins or (state.present[j] > 0.0) != (before > 0.0)
-        total += state.present[j]
+        if state.samples[j] < FIRST_SAMPLES:
+            largest = max(largest, state.present[j])
         state.acceleration[j], state.velocity[j] = acceleration, qd[j]
     history.count += 1
     history.step = dt
     history.age += dt
     share = share_of_changes(squares, moving)
     history.changes = share > 0.0
+    total = 0.0
     for j in range(qd.shape[0]):
         state.change[j] *= math.sqrt(share)
+        if state.moving[j] > 0 and state.samples[j] < FIRST_SAMPLES:
+            state.present[j] = largest
+        total += state.present[j]
     then = history.sum_then
     history.due = (
         begins
@@ -165,9 +164,10 @@ def _follow_change(state: VelocityNoise, j: int, rates: tuple[float, float, floa
     # Noise that had vanished for long can still grow from the least variance.
     largest = LARGEST_DEVIATION * LARGEST_DEVIATION * max(known, LEAST_VARIANCE)
     counted = min(square, LARGEST_FIRST_NOISE * LARGEST_FIRST_NOISE if first else largest)
-    state.samples[j] += 1.0
-    weight = max(1.0 / state.samples[j], least_weight)
-    state.variance[j] += weight * (counted - known)
+    if state.moving[j] >= 3:
+        state.samples[j] += 1.0
+        weight = max(1.0 / state.samples[j], least_weight)
+        state.variance[j] += weight * (counted - known)
     if first:
         known = max(known, state.present[j], counted)
     state.present[j] = known if first else state.variance[j]

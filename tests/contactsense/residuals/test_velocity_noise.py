@@ -5,7 +5,6 @@ import pytest
 
 from contactsense.residuals.velocity_noise import (
     LARGEST_FIRST_NOISE,
-    PRIOR_NOISE,
     VelocityNoise,
     follow_velocity_noise,
 )
@@ -96,12 +95,24 @@ def test_a_joint_at_rest_has_no_noise_and_remembers_its_own() -> None:
     assert found[701].present[0] == pytest.approx(0.004**2, rel=0.5)
 
 
-def test_before_a_joint_has_moved_its_noise_is_that_of_a_real_arm() -> None:
-    velocity = np.zeros((20, 1))
-    velocity[10:] = 1e-6
+def test_when_a_joint_moves_for_the_first_time_the_largest_sample_counts() -> None:
+    velocity = np.zeros((60, 1))
+    velocity[10:, 0] = 0.001 * np.random.default_rng(10).standard_normal(50)
     found = followed(velocity)
     assert found[9].present[0] == 0.0
-    assert 0.5 * PRIOR_NOISE**2 < found[10].present[0] <= PRIOR_NOISE**2
+    # Before it there is no noise.
+    assert found[10].present[0] == pytest.approx(velocity[10, 0] ** 2)
+    present = [state.present[0] for state in found[10:20]]
+    assert present == sorted(present)
+    assert present[-1] > 0.001**2
+
+
+def test_the_beginning_of_a_motion_is_not_remembered_as_noise() -> None:
+    """As that of a ramp of the speed."""
+    velocity = 1.4 * 0.002 * np.maximum(np.arange(200) - 20.4, 0.0)
+    found = followed(velocity[:, None])
+    assert found[22].present[0] > 0.001**2
+    assert found[60].present[0] < 1e-20
 
 
 def test_what_depends_on_it_is_refreshed_when_joints_begin_to_move_and_every_20_ms() -> None:
@@ -109,7 +120,8 @@ def test_what_depends_on_it_is_refreshed_when_joints_begin_to_move_and_every_20_
     velocity[:100] = 0.0
     velocity[:200, 1] = 0.0
     due = np.array([state.history[0]["due"] for state in followed(velocity)])
-    assert not due[:100].any()
+    assert due[0]
+    assert not due[1:100].any()
     assert due[100]
     assert due[200]
     assert all(due[i : i + 11].any() for i in range(100, 389))
@@ -122,8 +134,8 @@ def test_a_restart_forgets_everything() -> None:
         follow_velocity_noise(state, np.array([0.3 + 0.05 * (-1.0) ** i]), 0.002 if i else 0.0)
     assert state.present[0] > 1e-4
     follow_velocity_noise(state, np.array([0.3]), 0.0)
-    assert state.present[0] == PRIOR_NOISE**2
-    assert state.history[0].due
+    assert state.present[0] == 0.0
+    assert state.samples[0] == 0.0
 
 
 @pytest.mark.parametrize("gap", [0.1, 0.5, 10.0])
