@@ -70,7 +70,7 @@ def follow_sensor_step(state: SensorStepChange, velocities: VelocityNoise, dt: f
         state.velocity[j], state.acceleration[j] = velocities.velocity[j], acceleration
     share = share_of_changes(squares, moving)
     changes = share > 0.0
-    in_each_sample = values.count >= 1 and dt == samples.step
+    in_each_sample = dt == samples.step
     for j in range(state.velocity.shape[0]):
         state.change[j] = velocities.change[j] if in_each_sample else state.change[j] * math.sqrt(share)
     if in_each_sample:

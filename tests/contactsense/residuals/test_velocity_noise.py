@@ -5,8 +5,10 @@ import pytest
 
 from contactsense.residuals.velocity_noise import (
     LARGEST_FIRST_NOISE,
+    REFRESH_CHANGE,
     VelocityNoise,
     follow_velocity_noise,
+    noise_gain,
 )
 from contactsense.robots.jit.flat_buffers import zeros
 
@@ -189,3 +191,51 @@ def test_a_restart_at_rest_is_a_start_at_rest() -> None:
     follow_velocity_noise(state, np.zeros(1), 0.0)
     assert state.present[0] == 0.0
     assert state.samples[0] == 0.0
+
+
+@pytest.mark.parametrize("moving", [1, 2, 3, 10])
+def test_only_samples_since_rest_have_noise(moving: int) -> None:
+    newest, before = 1.0 / 0.002, 1.0 / 0.005
+    factors = np.array([newest, -(newest + before), before])
+    assert noise_gain(newest, before, moving) == pytest.approx(np.sum(factors[:moving] ** 2))
+
+
+def test_a_joint_that_begins_anew_begins_with_one_sample() -> None:
+    velocity = np.full((30, 1), 0.3)
+    velocity[10:20] = 0.0
+    assert [int(state.moving[0]) for state in followed(velocity)[18:22]] == [0, 0, 1, 2]
+
+
+def test_in_the_first_samples_the_largest_counts() -> None:
+    """Until there are enough for an average."""
+    velocity = np.full((40, 1), 0.3)
+    velocity[4] += 0.01
+    found = followed(velocity)
+    largest = 0.02**2 / 6.0
+    for state in found[5:10]:
+        assert state.present[0] == pytest.approx(largest)
+    assert found[-1].present[0] < 0.5 * largest
+
+
+def test_what_depends_on_it_is_never_far_off() -> None:
+    """Neither where the noise rises nor where it falls, nor when a restart brings another posture."""
+    chance = np.random.default_rng(10)
+    deviation = np.repeat([0.01, 0.0001, 0.003, 0.0001], [12, 100, 100, 288])[:, None]
+    for state in followed(0.3 + deviation * chance.standard_normal((500, 2))):
+        total, then = state.present.sum(), state.history[0]["sum_then"]
+        assert then / REFRESH_CHANGE <= total * (1.0 + 1e-9)
+        assert total <= REFRESH_CHANGE * then * (1.0 + 1e-9)
+    state = zeros(VelocityNoise, joints=1)
+    for step in (0.0, 0.002, 0.0):
+        follow_velocity_noise(state, np.array([0.3]), step)
+        assert bool(state.history[0].due) == (step == 0.0)
+
+
+def test_a_hard_stop_has_the_inertia_of_its_own_posture() -> None:
+    """However short a time ago it was worked out."""
+    chance, stopped = np.random.default_rng(11), 0
+    for begins in range(200, 212):
+        velocity = 0.3 - 0.1 * np.clip(np.arange(240) - begins, 0.0, 2.0)
+        found = followed(velocity[:, None] + 0.0005 * chance.standard_normal((240, 1)))
+        stopped += all(found[i].history[0]["due"] for i in (begins + 1, begins + 3))
+    assert stopped == 12

@@ -14,6 +14,7 @@ from contactsense.residuals.momentum_observer import (
 )
 from contactsense.residuals.velocity_noise import VelocityNoise, follow_velocity_noise
 from contactsense.residuals.wrench_velocity_error import (
+    CORRELATION_TIME,
     WrenchVelocityError,
     advance_wrench_velocity_error,
     noise_share_in_average,
@@ -180,6 +181,23 @@ def test_in_an_average_noise_is_less_than_that_of_the_sensor(duration: float) ->
     assert measured < stated
     assert noise_share_in_average(1.0, BANDWIDTH) == 1.0
     assert noise_share_in_average(0.1, BANDWIDTH) < 0.4 * 0.1
+
+
+@pytest.mark.parametrize("duration", [0.02, 0.2])
+def test_in_an_average_noise_correlated_for_the_stated_time_is_as_large_as_stated(duration: float) -> None:
+    chance, dt = np.random.default_rng(6), 0.0005
+    kept, weight = math.exp(-dt / CORRELATION_TIME), -math.expm1(-dt / duration)
+    white = chance.standard_normal((4000, 500))
+    noise, average, variances = white[0], np.zeros(500), []
+    for step in white[1:]:
+        noise = kept * noise + math.sqrt(1.0 - kept**2) * step
+        average += weight * (noise - average)
+        variances.append(np.mean(average**2))
+    low_passed = 1.0 / (1.0 + K * duration)
+    expected = np.mean(variances[2500:])
+    assert noise_share_in_average(low_passed, BANDWIDTH) == pytest.approx(expected, rel=0.1)
+    # Low-passed by an observer whose time constant is shorter than that correlation, it has that share.
+    assert noise_share_in_average(0.3, 100.0) == pytest.approx(0.3)
 
 
 @pytest.mark.parametrize("every", [2, 4, 8])
