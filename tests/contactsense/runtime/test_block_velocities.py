@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from contactsense import Localizer, Sample, SampleBlock, Scene
+from contactsense.kinematics.model import build_model, empty_motion
+from contactsense.kinematics.momenta import kinematics_and_momenta
 from contactsense.runtime.state import State
 from contactsense.service.mock.measured_velocity import measured_velocity
-from tests.contactsense.link_sensors.truth import ARM, BASE, FOREARM, SENSOR, TORQUE, stream
+from tests.contactsense.link_sensors.truth import ARM, BASE, FOREARM, SENSOR, STEP, TORQUE, stream
 from tests.contactsense.runtime.test_blocks import agree, recording
 from tests.plain_arm import plain_ur5e
 
@@ -77,3 +79,22 @@ def test_they_are_the_same_with_a_sensor_in_the_arm(samples: int) -> None:
     assert sum(len(part.sample) for part in found) == sum(bool(one.contacts) for one in estimates)
     for one, other in zip(what_follows_from_velocities(localizer), expected, strict=True):
         np.testing.assert_array_equal(one, other)
+
+
+def test_each_sensor_has_the_inertia_that_it_carries_and_its_own_steps() -> None:
+    """The base sensor has a value in each sample, that of the forearm in each fourth."""
+    localizer, model = Localizer(SCENE), build_model(ARM)
+    samples = stream(SCENE, 0.5, velocity_noise=0.001)
+    state = localizer._buffers.state
+    for i, sample in enumerate(samples):
+        localizer.step(sample if i % 4 == 0 else replace(sample, link_wrenches={}))
+        if i > 200 and i % 4 == 0 and state.velocity_noise.history[0].due:
+            break
+    base, forearm = state.base_velocity_error, state.link_velocity_error
+    assert base.steps.history[0].step == pytest.approx(STEP)
+    assert forearm.steps.history[0][0].step == pytest.approx(4.0 * STEP)
+    motion, gravity = empty_motion(6), np.array([0.0, 0.0, -9.81])
+    for j in range(6):
+        kinematics_and_momenta(model, sample.q, np.eye(6)[j], gravity, motion)
+        np.testing.assert_allclose(base.unit_momentum[j], motion.momentum[1], atol=1e-9)
+        np.testing.assert_allclose(forearm.unit_momentum[0, j], motion.momentum[FOREARM], atol=1e-9)
