@@ -5,13 +5,18 @@ The momentum of what the sensor carries is h = sum a_j qd_j, with a_j that of a 
 (`contactsense.kinematics.composite_inertia`).
 
 - **Noise.** White noise of the velocities with the variances v_j appears in the residual r = K (h - integral)
-  with the covariance K^2 S, S = sum v_j a_j a_j^T, since the integral changes little in a step. In the
-  residual of a good sensor this noise is larger than the sensor's own.
+  with the covariance K^2 S, S = sum v_j a_j a_j^T, and in its integral with the covariance L, which follows
+  from that of the last value, S0:
+
+      L <- a^2 L + (1 - a)^2 K^2 S0,    a = exp(-K dt).
+
+  L is small beside K^2 S, but remains where joints have come to rest. In the residual of a good sensor this
+  noise is larger than the sensor's own.
 - **Instants.** When accelerations change at once by d_j, as in a hard stop or at the end of a ramp of the
   speed, dh/dt changes by D = sum a_j d_j, and the covariance C grows as in
   `contactsense.residuals.timing_error`:
 
-      C <- a^2 C + (K dt)^2 D D^T / 12,    a = exp(-K dt).
+      C <- a^2 C + (K dt)^2 D D^T / 12.
 
 v_j is that of `contactsense.residuals.velocity_noise`, d_j that of
 `contactsense.residuals.sensor_step_change`. S and a_j are worked out again where the first says so: they
@@ -34,7 +39,7 @@ CORRELATION_TIME = 0.005
 independent (`tests/contactsense/residuals/test_real_velocities.py`); shorter times have not been measured."""
 
 _FORGOTTEN = 1e-20
-"""Trace below which C is zero, far below any sensor's noise [N^2, Nm^2]: numbers that go on to
+"""Trace below which L and C are zero, far below any sensor's noise [N^2, Nm^2]: numbers that go on to
 decay become denormal, and those take long."""
 
 
@@ -49,10 +54,14 @@ class WrenchVelocityError(NamedTuple):
     """Scratch: D [N, Nm]."""
     noise_covariance: Annotated[Floats, "6, 6"]
     """S, covariance of the momentum's noise [N^2 s^2, N Nm s^2, Nm^2 s^2]."""
+    last_noise_covariance: Annotated[Floats, "6, 6"]
+    """S0, S at the sensor's last value."""
+    integrated_noise: Annotated[Floats, "6, 6"]
+    """L [N^2, N Nm, Nm^2]."""
     instant_covariance: Annotated[Floats, "6, 6"]
     """C, covariance of the residual due to the instants of the samples [N^2, N Nm, Nm^2]."""
     noise: Annotated[Floats, "6, 6"]
-    """K^2 S of the present residual, or zero for a single measurement."""
+    """K^2 S + L of the present residual, or zero for a single measurement."""
     instants: Annotated[Floats, "6, 6"]
     """C of the same."""
 
@@ -76,24 +85,38 @@ def advance_wrench_velocity_error(
         for j in range(a.shape[0]):
             _add_product(state.noise_covariance, a[j], velocities.present[j])
     if dt >= 0.0:
-        _decay(state, dt, bandwidth)
+        _integrate_noise(state, dt, bandwidth)
+        _decay(state.instant_covariance, dt, bandwidth)
         if follow_sensor_step(state.steps, velocities, dt):
             _add_change(state, dt, bandwidth)
     for i in range(6):
         for k in range(6):
-            state.noise[i, k] = K * K * state.noise_covariance[i, k]
+            state.noise[i, k] = K * K * state.noise_covariance[i, k] + state.integrated_noise[i, k]
             state.instants[i, k] = state.instant_covariance[i, k]
 
 
 @inlined_kernel
-def _decay(state: WrenchVelocityError, dt: float, bandwidth: float) -> None:
+def _integrate_noise(state: WrenchVelocityError, dt: float, bandwidth: float) -> None:
+    """Let S0 count towards L, and keep S for the next value."""
+    K = 2.0 * math.pi * bandwidth
+    _decay(state.integrated_noise, dt, bandwidth)
+    gain = math.expm1(-K * dt) ** 2 * K * K
+    for i in range(6):
+        for k in range(6):
+            state.integrated_noise[i, k] += gain * state.last_noise_covariance[i, k]
+            state.last_noise_covariance[i, k] = state.noise_covariance[i, k]
+
+
+@inlined_kernel
+def _decay(covariance: np.ndarray, dt: float, bandwidth: float) -> None:
+    """In one step; a restart, dt = 0, forgets it."""
     trace = 0.0
     for i in range(6):
-        trace += state.instant_covariance[i, i]
+        trace += covariance[i, i]
     decay = decay_and_gain(dt, bandwidth)[0] if dt > 0.0 and trace > _FORGOTTEN else 0.0
     for i in range(6):
         for k in range(6):
-            state.instant_covariance[i, k] *= decay
+            covariance[i, k] *= decay
 
 
 @inlined_kernel
@@ -139,6 +162,8 @@ def of_link_sensor(states: WrenchVelocityError, number: int) -> WrenchVelocityEr
         SensorStepChange(steps.velocity[number], steps.acceleration[number], steps.change[number], history),
         states.change[number],
         states.noise_covariance[number],
+        states.last_noise_covariance[number],
+        states.integrated_noise[number],
         states.instant_covariance[number],
         states.noise[number],
         states.instants[number],

@@ -225,3 +225,23 @@ def test_a_missed_wrench_lets_the_next_one_have_the_change_of_both_steps() -> No
     assert missed[at + 1, 0, 0] == pytest.approx((K * 2.0 * dt * 30.0) ** 2 / 12.0, rel=1e-2)
     # That acceleration lasts.
     assert missed[at + 2, 0, 0] == pytest.approx(math.exp(-2.0 * K * dt) * missed[at + 1, 0, 0], rel=1e-2)
+
+
+@pytest.mark.parametrize("deviation", [0.001, 0.005])
+@pytest.mark.parametrize("every", [1, 4, 8])
+def test_the_last_noise_before_rest_is_no_onset(every: int, deviation: float) -> None:
+    """The observer's integral has noise from before, and so has the last value of a slower sensor: the energy
+    is never above the onset threshold in two values in a row."""
+    chance, dt, n = np.random.default_rng(7), 0.002, 480
+    threshold = onset_threshold(0.01, 6, BANDWIDTH, every * dt)
+    sensor = noise_variance_ratio(BANDWIDTH, every * dt) * np.diag(np.repeat(VARIANCES, 3))
+    own = np.where(np.arange(n) % every == 0, even(n, every * dt), NO_STEP)
+    for trial in range(60):
+        columns = chance.standard_normal((6, 6)) * [10.0, 10.0, 10.0, 2.0, 2.0, 2.0]
+        velocity = deviation * chance.standard_normal((n, 6))
+        velocity[400 + trial % 8 :] = 0.0
+        stated = covariances(velocity, columns, even(n, dt), own)[::every]
+        residuals = residuals_of((velocity @ columns)[::every], even(n // every, every * dt))
+        energy = [0.5 * r @ np.linalg.solve(C + sensor, r) for C, r in zip(stated, residuals, strict=True)]
+        above = np.array(energy)[390 // every :] > threshold
+        assert not (above[1:] & above[:-1]).any()
