@@ -83,6 +83,16 @@ def extrapolated(
     return point, covariance
 
 
+def test_a_shorter_window_that_is_no_noisier_tells_nothing() -> None:
+    """As where the sensor's noise has fallen since: its samples are in the longer window, too."""
+    place = np.array([[1e-3, 0.0], [1e-3, 0.0], [1e-3, 0.0], [0.0, 0.0]])
+    for noise in (0.5e-3, 1e-3):
+        point, covariance = extrapolated(place, np.array([noise, noise, noise, 1e-3]))
+        np.testing.assert_allclose(point, 0.0, atol=1e-15)
+        assert np.isfinite(covariance).all()
+        assert (np.linalg.eigvalsh(covariance) > -1e-15).all()
+
+
 LENGTHS = np.array([1.0, 3.0, 9.0, 27.0])
 """Of the windows; each contains the shorter ones."""
 
