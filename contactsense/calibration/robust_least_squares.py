@@ -13,7 +13,7 @@ heteroskedasticity and autocorrelation consistent covariance matrix", Econometri
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.signal import fftconvolve
@@ -27,8 +27,6 @@ _HUBER = 2.5
 _ITERATIONS = 6
 _LAG = 1.5
 """Residuals further apart than this are treated as independent [s]."""
-_ROWS_PER_PARAMETER = 2
-"""An equation with fewer rows for each of its parameters says nothing."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +64,7 @@ def fit_robust(
         unexcited: Which of the others are known by their prior only, shape (k,), bool: their uncertainty is
             added to the covariance of the free ones (S. F. Schmidt's consider parameters).
     """
-    k, rows = len(prior), _enough(rows, channels)
+    k = len(prior)
     sigma, tau = np.full(channels, np.nan), np.ones(channels)
     weights = [row.moving.astype(float) for row in rows]
     _scale([row.residual for row in rows], rows, sigma)
@@ -111,19 +109,6 @@ def fit_robust(
         covariance += sensitivity @ sensitivity.T
     cost = sum(counts[c] / tau[c] * np.log(sigma[c] ** 2) for c in range(channels) if counts[c])
     return RobustFit(step, covariance, H, sigma, float(cost))
-
-
-def _enough(rows: list[Rows], channels: int) -> list[Rows]:
-    """The same, without the rows of equations that have too few of them: a fit goes through those exactly,
-    which says that they have no noise, and that their parameters are known exactly."""
-    found = list(rows)
-    for c in range(channels):
-        own = [i for i, row in enumerate(rows) if row.channel == c]
-        parameters = {int(column) for i in own for column in rows[i].columns}
-        if sum(int(rows[i].moving.sum()) for i in own) < _ROWS_PER_PARAMETER * len(parameters):
-            for i in own:
-                found[i] = replace(rows[i], moving=np.zeros_like(rows[i].moving))
-    return found
 
 
 def _scale(residuals: list[np.ndarray], rows: list[Rows], sigma: np.ndarray) -> None:
