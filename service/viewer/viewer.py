@@ -35,6 +35,8 @@ SILENCE = 0.1
 """Longest time between two frames of a source that announces new ones [s]."""
 UNSEEN = 1.0
 """Time between two frames while nobody looks [s]; a page that is opened shows the last one at first."""
+_RACE = "deque mutated during iteration"
+"""What asyncio says of an event that is set from another thread while its own one waits anew."""
 
 
 class PageServer(viser.ViserServer):
@@ -148,7 +150,13 @@ def run(draw: Callable[[], None], over: threading.Event, news: threading.Event |
     """
     due = time.monotonic()
     while not over.is_set():
-        draw()
+        try:
+            draw()
+        except RuntimeError as error:
+            # viser sets an event of its own thread from ours. What is to be sent is stored by then, and goes
+            # with the next message.
+            if _RACE not in str(error):
+                raise
         if news is not None:
             news.wait(SILENCE)
             news.clear()
