@@ -83,3 +83,9 @@ def unit_momenta(
         angular = add(cross(found.first_moment, velocity), matvec(found.second_moment, axis))
         for i in range(3):
             out[j, i], out[j, 3 + i] = linear[i], angular[i]
+
+
+@kernel
+def unit_momenta_of_arm(model: Model, motion: Motion, out: np.ndarray) -> None:
+    """Momentum of the whole arm for a unit velocity of each joint alone; arguments as for `unit_momenta`."""
+    unit_momenta(model, motion, 0, (0.0, model.com[0], model.inertia[0]), out)

@@ -6,7 +6,7 @@ import numpy as np
 
 from contactsense.calibration.calibration_model import CalibrationModel
 from contactsense.calibration.free_motion import FreeMotion
-from contactsense.kinematics.composite_inertia import unit_momenta
+from contactsense.kinematics.composite_inertia import unit_momenta_of_arm
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import Model, Motion, empty_motion
 from contactsense.kinematics.momenta import kinematics_and_momenta
@@ -178,12 +178,12 @@ def _follow_velocities(
     error: WrenchVelocityError,
     out: np.ndarray,
 ) -> None:
-    motion, none = arm.motion, (0.0, arm.model.com[0], arm.model.inertia[0])
+    motion = arm.motion
     for i in range(joints.t.shape[0]):
         dt = time_step(joints.t, i)
         if follow_velocity_noise(velocities, joints.qd[i], dt):
             forward_kinematics(arm.model, joints.q[i], motion)
-            unit_momenta(arm.model, motion, 1, none, error.unit_momentum)
+            unit_momenta_of_arm(arm.model, motion, error.unit_momentum)
         advance_wrench_velocity_error(error, velocities, dt, bandwidth)
         for k in range(6):
             for m in range(6):

@@ -57,24 +57,26 @@ def follow_sensor_step(state: SensorStepChange, velocities: VelocityNoise, dt: f
     if dt == 0.0:
         values.count = 0
     per_time = 1.0 / dt if values.count >= 1 else 0.0
-    g = noise_gain(per_time, 1.0 / values.step, 3) if values.count >= 2 else 0.0
+    in_each_sample, known = dt == samples.step, values.count >= 2
+    g = noise_gain(per_time, 1.0 / values.step, 3) if known else 0.0
     squares, moving = 0.0, 0
     for j in range(state.velocity.shape[0]):
         acceleration = (velocities.velocity[j] - state.velocity[j]) * per_time
-        state.change[j] = acceleration - state.acceleration[j] if values.count >= 2 else 0.0
-        if state.change[j] != 0.0:
-            # A joint that has just come to rest has had noise in these steps.
-            known = max(velocities.variance[j], velocities.present[j], LEAST_VARIANCE)
-            squares += state.change[j] * state.change[j] / (g * known)
-            moving += 1
+        if in_each_sample:
+            state.change[j] = velocities.change[j]
+        else:
+            state.change[j] = acceleration - state.acceleration[j] if known else 0.0
+            if state.change[j] != 0.0:
+                # A joint that has just come to rest has had noise in these steps.
+                variance = max(velocities.variance[j], velocities.present[j], LEAST_VARIANCE)
+                squares += state.change[j] * state.change[j] / (g * variance)
+                moving += 1
         state.velocity[j], state.acceleration[j] = velocities.velocity[j], acceleration
-    share = share_of_changes(squares, moving)
-    changes = share > 0.0
-    in_each_sample = dt == samples.step
-    for j in range(state.velocity.shape[0]):
-        state.change[j] = velocities.change[j] if in_each_sample else state.change[j] * math.sqrt(share)
-    if in_each_sample:
-        changes = samples.changes
     values.count += 1
     values.step = dt
-    return bool(changes)
+    if in_each_sample:
+        return bool(samples.changes)
+    share = share_of_changes(squares, moving)
+    for j in range(state.velocity.shape[0]):
+        state.change[j] *= math.sqrt(share)
+    return bool(share > 0.0)

@@ -1,6 +1,6 @@
 """Residuals of one sample of a stream: kinematics, observers, noise. Nothing allocates memory."""
 
-from contactsense.kinematics.composite_inertia import unit_momenta
+from contactsense.kinematics.composite_inertia import unit_momenta, unit_momenta_of_arm
 from contactsense.kinematics.momenta import body_momentum_and_weight, kinematics_and_momenta
 from contactsense.kinematics.spatial import component_about, dot6
 from contactsense.residuals.bias_filter import mass_variance, predict
@@ -170,9 +170,7 @@ def _advance_velocity_errors(constants: Constants, state: State) -> None:
     changed = velocities.history[0].due
     base, sensors = state.base_velocity_error, constants.link_sensors
     if changed:
-        # The base itself does not move.
-        none = (0.0, state.model.com[0], state.model.inertia[0])
-        unit_momenta(state.model, state.motion, 1, none, base.unit_momentum)
+        unit_momenta_of_arm(state.model, state.motion, base.unit_momentum)
     advance_wrench_velocity_error(base, velocities, steps[BASE], bandwidth)
     for s in range(state.link_load.shape[0]):
         error = of_link_sensor(state.link_velocity_error, s)

@@ -19,6 +19,7 @@ from pathlib import Path
 from pydantic import BaseModel, ConfigDict, PositiveFloat
 
 from contactsense.robots.file_lock import AVAILABLE, lock
+from contactsense.service.events.clock_step import ClockStep
 from contactsense.service.events.model import ContactEvent
 
 COMMIT_EVERY = 0.5
@@ -29,8 +30,6 @@ _BLOCK = 1000
 """Numbers that are reserved at a time."""
 _MOST_WAITING = 10_000
 """Events that wait in memory while the file cannot be written; beyond it the oldest are lost."""
-_CLOCK_STEP = 1.0
-"""The host's clock was set if it has gained or lost more than this between two looks [s]."""
 _VACUUM_PAGES = 2000
 """Pages that are given back to the file system at a time: 8 MB. Nothing else can use the file meanwhile."""
 _WAL_SIZE = 16_000_000
@@ -121,7 +120,7 @@ class Journal:
         """Must be held while `database` is used, which may take a while; appending does not need it."""
         self._numbering = threading.Lock()
         self._waiting: deque[tuple[int, str, str]] = deque()
-        self._clock = time.time() - time.monotonic()
+        self._clock_step = ClockStep()
         self._subscribers: list[Callable[[ContactEvent], None]] = []
         self._closing = threading.Event()
         self.error = ""
@@ -223,11 +222,9 @@ class Journal:
     def _follow_clock(self) -> None:
         """Move the times of this run's events with the host's clock where it was set. A computer that starts
         with a clock that is months slow would lose its events as soon as the clock is right."""
-        clock = time.time() - time.monotonic()
-        step = clock - self._clock
-        if abs(step) > _CLOCK_STEP:
+        step = self._clock_step.since_last()
+        if step != 0.0:
             self._database.execute("UPDATE events SET stored = stored + ? WHERE id > ?", (step, self._first))
-        self._clock = clock
 
     def prune(self, now: float | None = None) -> None:
         """Remove events beyond the limits of age and size."""

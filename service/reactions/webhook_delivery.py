@@ -15,6 +15,7 @@ from functools import partial
 from http.client import HTTPException
 from typing import Any
 
+from contactsense.service.events.clock_step import ClockStep
 from contactsense.service.events.journal import Journal
 from contactsense.service.live.supervision import Supervised
 from contactsense.service.reactions.actions.base import ActionError
@@ -30,8 +31,6 @@ MAX_BODY = 20_000
 MOST = 1000
 """Deliveries of one webhook that wait; beyond it the oldest are lost. A receiver that is away takes decisions
 every few seconds, but an attempt that nobody answers takes as long as its time limit."""
-_CLOCK_STEP = 1.0
-"""The host's clock was set if it has gained or lost more than this between two looks [s]."""
 _THROTTLED = (429, 502, 504)
 """After these statuses the receiver gets twice the time."""
 _POLL = 1.0
@@ -67,7 +66,7 @@ class WebhookDelivery:
         self._tasks: list[Supervised] = []
         self._opener = urllib.request.build_opener(_NoRedirect)
         # Due times are those of the host's clock, as they must survive a restart.
-        self._clock = time.time() - time.monotonic()
+        self._clock_step = ClockStep()
 
     def start(self) -> None:
         """Start the deliveries."""
@@ -137,11 +136,9 @@ class WebhookDelivery:
     def _follow_clock(self) -> None:
         """Move the due times with the host's clock where it was set, as by NTP: a delivery that is due would
         wait for hours. The journal's lock must be held."""
-        clock = time.time() - time.monotonic()
-        step = clock - self._clock
-        if abs(step) > _CLOCK_STEP:
+        step = self._clock_step.since_last()
+        if step != 0.0:
             self._journal.database.execute("UPDATE deliveries SET due = due + ?", (step,))
-        self._clock = clock
 
     def _limit_pauses(self) -> None:
         """While the service was away nobody saw how the clock was set: no pause is longer than any can be."""

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from contactsense import robots
-from contactsense.kinematics.composite_inertia import unit_momenta
+from contactsense.kinematics.composite_inertia import unit_momenta, unit_momenta_of_arm
 from contactsense.kinematics.model import build_model, empty_motion
 from contactsense.kinematics.momenta import body_momentum_and_weight, kinematics_and_momenta
 
@@ -32,3 +32,13 @@ def test_it_is_the_momentum_of_what_each_joint_moves(first_body: int, part_mass:
             )  # fmt: skip
             expected += part
         np.testing.assert_allclose(found[j], expected, atol=1e-12)
+
+
+def test_that_of_the_whole_arm_has_all_moving_bodies() -> None:
+    motion, found, expected = empty_motion(6), np.empty((6, 6)), np.empty((6, 6))
+    kinematics_and_momenta(MODEL, Q, np.zeros(6), GRAVITY, motion)
+    unit_momenta_of_arm(MODEL, motion, found)
+    for j in range(6):
+        kinematics_and_momenta(MODEL, Q, np.eye(6)[j], GRAVITY, motion)
+        expected[j] = motion.momentum[0]
+    np.testing.assert_allclose(found, expected, atol=1e-12)
