@@ -24,9 +24,10 @@ from contactsense.service.demo.child_process import ChildError
 from contactsense.service.demo.processes import Stage
 from contactsense.service.mock.rtde_server import RATE
 
-_SILENT = logging.getLogger("contactsense.soak")
-"""For connections that a reader breaks off on purpose: the client would log each as an error of its own."""
-_SILENT.disabled = True
+_SILENT = logging.Logger("contactsense.soak", logging.CRITICAL + 1)
+"""For connections that a reader breaks off on purpose: the client would log each as an error of its own.
+
+It is not registered: a service in this process configures logging, which enables registered loggers again."""
 _WARM_UP = 5.0
 _QUIET = 2.0
 """If no event comes for this long, none is in transit [s]."""

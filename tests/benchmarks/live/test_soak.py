@@ -3,6 +3,7 @@
 import contextlib
 import json
 import logging
+import logging.config
 import threading
 
 import pytest
@@ -37,6 +38,8 @@ def test_readers_that_break_off_print_nothing(
                 connection.send("x" * 1000)
 
     monkeypatch.setattr(readers, "_VISIT", 0.05)
+    logging.config.dictConfig({"version": 1, "disable_existing_loggers": False})  # as uvicorn does
+    assert not readers._SILENT.isEnabledFor(logging.CRITICAL)
     silent = logging.getLogger("tests.silent")
     silent.disabled = True
     over, visits = threading.Event(), [0]
