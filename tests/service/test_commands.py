@@ -104,7 +104,7 @@ def test_the_demo_can_be_interrupted(number: signal.Signals) -> None:
     process.stdout.readline()
     time.sleep(1.0)
     process.send_signal(number)
-    out, err = process.communicate(timeout=30)
+    out, err = process.communicate(timeout=120)
     assert process.returncode == 1
     assert err == "contactsense: interrupted\n", out
     assert "Traceback" not in out + err
@@ -121,7 +121,7 @@ def test_serve_tells_where_it_is_and_ends_when_told(number: signal.Signals) -> N
     assert second == f"interface: {url}/docs; viewer: contactsense view --url {url}\n"
     assert http.get(f"{url}/v1/health", timeout=60).json()["status"] == "idle"
     process.send_signal(number)
-    _, err = process.communicate(timeout=30)
+    _, err = process.communicate(timeout=120)
     assert process.returncode == 0
     assert err.count(f"the service ends: it received {number.name}\n") == 1
     assert "Traceback" not in err
@@ -149,7 +149,7 @@ def test_serve_ends_in_order_when_it_is_interrupted_twice() -> None:
         process.send_signal(signal.SIGINT)
         assert until(closed)
         process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=30)
+    _, err = process.communicate(timeout=120)
     assert process.returncode == 0
     assert "Traceback" not in err
 

@@ -39,7 +39,7 @@ def test_a_decomposition_ends_with_its_workers(tmp_path: Path, number: signal.Si
             os.killpg(command.pid, number)
         else:
             command.send_signal(number)
-        _, messages = command.communicate(timeout=20.0)
+        _, messages = command.communicate(timeout=120)
     finally:
         if command.poll() is None:
             os.killpg(command.pid, signal.SIGKILL)

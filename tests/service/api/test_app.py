@@ -310,7 +310,7 @@ def test_the_latest_estimate(steady: str) -> None:
 def test_the_stream(steady: str) -> None:
     """Every estimate in turn; of those that a busy computer loses, their number."""
     with connect(f"ws://{steady}/v1/stream", close_timeout=0.5) as stream:
-        messages = [json.loads(stream.recv(timeout=10)) for _ in range(100)]
+        messages = [json.loads(stream.recv(timeout=60)) for _ in range(100)]
     count, found = 0, list[tuple[int, float]]()
     for message in messages:
         if "lost" in message:
@@ -324,16 +324,16 @@ def test_the_stream(steady: str) -> None:
 
 def test_the_stream_thinned_out(steady: str) -> None:
     with connect(f"ws://{steady}/v1/stream?every=10") as stream:
-        times = [json.loads(stream.recv(timeout=10))["t"] for _ in range(5)]
+        times = [json.loads(stream.recv(timeout=60))["t"] for _ in range(5)]
     assert times[4] - times[0] == pytest.approx(0.08)
     with connect(f"ws://{steady}/v1/stream?rate=20") as stream:
-        times = [json.loads(stream.recv(timeout=10))["t"] for _ in range(5)]
+        times = [json.loads(stream.recv(timeout=60))["t"] for _ in range(5)]
     assert times[4] - times[0] == pytest.approx(0.2, abs=0.01)
 
 
 def test_readers_are_counted(steady: str) -> None:
     with connect(f"ws://{steady}/v1/stream", close_timeout=0.5) as stream:
-        stream.recv(timeout=10)
+        stream.recv(timeout=60)
         readers = http.get(f"http://{steady}/v1/health").json()["stream"]["readers"]
         assert readers >= 1
 
@@ -345,15 +345,15 @@ def test_a_reader_that_is_too_slow_is_told(steady: str) -> None:
     narrow.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
     narrow.connect((host, int(port)))
     with connect(f"ws://{steady}/v1/stream", sock=narrow, max_queue=1, close_timeout=0.5) as stream:
-        stream.recv(timeout=10)
+        stream.recv(timeout=60)
         deadline = time.monotonic() + 60
         while http.get(f"http://{steady}/v1/health").json()["stream"]["lost"] < 10:
             assert time.monotonic() < deadline
             time.sleep(0.1)
-        while "lost" not in (message := json.loads(stream.recv(timeout=10))):
+        while "lost" not in (message := json.loads(stream.recv(timeout=60))):
             pass
         assert message["lost"] >= 1
-        assert "t" in json.loads(stream.recv(timeout=10))
+        assert "t" in json.loads(stream.recv(timeout=60))
 
 
 @pytest.mark.parametrize(
@@ -362,9 +362,9 @@ def test_a_reader_that_is_too_slow_is_told(steady: str) -> None:
 )
 def test_a_stream_asked_for_wrongly(steady: str, query: str, field: str) -> None:
     with connect(f"ws://{steady}/v1/stream?{query}") as stream:
-        (error,) = json.loads(stream.recv(timeout=10))["errors"]
+        (error,) = json.loads(stream.recv(timeout=60))["errors"]
         assert error["field"] == field
         with pytest.raises(ConnectionClosedError, match=field) as closed:
-            stream.recv(timeout=10)
+            stream.recv(timeout=60)
     assert closed.value.rcvd is not None
     assert closed.value.rcvd.code == 1008

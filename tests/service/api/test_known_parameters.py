@@ -45,10 +45,10 @@ def test_a_list_is_given_value_by_value(place: str) -> None:
 
 def test_over_a_websocket(place: str) -> None:
     with connect(f"ws://{place}/v1/stream?rat=30&token=none-is-needed") as stream:
-        (error,) = ErrorOut.model_validate_json(stream.recv(timeout=10)).errors
+        (error,) = ErrorOut.model_validate_json(stream.recv(timeout=60)).errors
         assert error.field == "rat"
         assert error.reason == "unknown parameter (did you mean rate?); known: every, rate"
         with pytest.raises(ConnectionClosedError) as closed:
-            stream.recv(timeout=10)
+            stream.recv(timeout=60)
     assert closed.value.rcvd is not None
     assert closed.value.rcvd.code == 1008

@@ -45,7 +45,7 @@ def test_the_arm_is_touched_again_and_again(tmp_path: Path, option: str) -> None
 
     assert until(again, 30.0, step=0.2)
     process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=30)
+    _, err = process.communicate(timeout=120)
     assert process.returncode == 0
     assert err == ""
 

@@ -109,7 +109,7 @@ def test_configuration_page():
 )
 def test_pynetft_reads_it(configuration, force_unit, torque_unit, per_metre):
     with netft_server(configuration=configuration) as server, client(server) as sensor:
-        samples = sensor.samples(2.0)
+        samples = sensor.samples(30.0)
         got = [next(samples) for _ in range(300)]
         health = sensor.health()
     assert health.lost_count == health.duplicate_count == health.malformed_count == 0
@@ -122,7 +122,7 @@ def test_pynetft_reads_it(configuration, force_unit, torque_unit, per_metre):
 
 def test_bias_makes_the_present_reading_zero():
     with netft_server() as server, client(server) as sensor:
-        samples = sensor.samples(2.0)
+        samples = sensor.samples(30.0)
         assert next(samples).force[2] == pytest.approx(-200.0)
         sensor.bias()
         assert until(lambda: abs(next(samples).force[2]) < 1e-6)

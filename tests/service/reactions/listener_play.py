@@ -39,7 +39,7 @@ class Play:
         self.reports: list[dict[str, Any]] = []
 
     def until(self, condition: Callable[[], object]) -> None:
-        deadline = time.monotonic() + 10.0
+        deadline = time.monotonic() + 60.0
         while not condition():
             assert time.monotonic() < deadline, (self.inputs, self.reports[-1:])
             self.listener.tick(time.monotonic())
@@ -67,7 +67,7 @@ class Play:
 
 def poll_until(inputs: RtdeInputs, condition: Callable[[], bool]) -> None:
     """Poll inputs of the controller until a condition holds."""
-    deadline = time.monotonic() + 10.0
+    deadline = time.monotonic() + 60.0
     while not condition():
         assert time.monotonic() < deadline
         inputs.poll(time.monotonic())
