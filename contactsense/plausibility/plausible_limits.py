@@ -1,7 +1,7 @@
 """Implausible measurements: mistaken units, values that no joint and no sensor reaches."""
 
 from collections.abc import Mapping
-from math import dist, isinf
+from math import dist, isfinite, isinf
 from typing import NamedTuple
 
 import numpy as np
@@ -119,8 +119,8 @@ class PlausibleLimits:
 
     def saturation(self, wrench: np.ndarray) -> Implausible | None:
         """Whether the base sensor that reads this wrench, base axes and origin, shape (6,) [N, Nm], is at or
-        beyond its range."""
-        if self.sensor.range is None:
+        beyond its range. One that is not finite is not: whoever uses it refuses it anyway."""
+        if self.sensor.range is None or not _is_finite(wrench):
             return None
         reading = wrench @ self._to_reading + self._bias
         return _first("base_wrench", reading, self._range, "a reading within the sensor's range")
@@ -133,7 +133,7 @@ class PlausibleLimits:
     def link_saturation(self, field: str, q: np.ndarray, wrench: np.ndarray) -> Implausible | None:
         """The same for a link sensor, a key of `Scene.link_sensors`, in the posture q, shape (n,) [rad]."""
         sensor = self._links.get(field)
-        if sensor is None:
+        if sensor is None or not _is_finite(wrench):
             return None
         reading = sensor.frame.reading(q, wrench)
         return _first(field, reading, sensor.limits, "a reading within the sensor's range")
@@ -187,7 +187,8 @@ class PlausibleLimits:
             for other in (weight if external else np.zeros(3), -weight):
                 # By column: sums over rows of three take several times as long.
                 x, y, z = (base_wrench[:, i] - other[i] for i in range(3))
-                found |= x * x + y * y + z * z < (SAME * self._weight) ** 2
+                with np.errstate(over="ignore"):
+                    found |= x * x + y * y + z * z < (SAME * self._weight) ** 2
             found |= self.sensor.range is not None
         found |= any(field in self._links for field in links)
         return np.flatnonzero(found)
@@ -203,7 +204,11 @@ class PlausibleLimits:
 
     def saturated(self, wrench: np.ndarray) -> np.ndarray:
         """Which of N base wrenches, shape (N, 6) [N, Nm], `saturation` finds, shape (N,), bool."""
-        return np.asarray((np.abs(wrench @ self._to_reading + self._bias) >= self._range).any(axis=1))
+        if self.sensor.range is None:
+            return np.zeros(len(wrench), dtype=bool)
+        with np.errstate(invalid="ignore"):
+            beyond = np.abs(wrench @ self._to_reading + self._bias) >= self._range
+        return np.asarray(beyond.any(axis=1) & np.isfinite(wrench).all(axis=1))
 
     def link_saturated(self, field: str, q: np.ndarray, wrench: np.ndarray) -> np.ndarray:
         """Which of N wrenches on a link sensor, shape (N, 6) [N, Nm], in postures of shape (N, n) [rad],
@@ -211,7 +216,9 @@ class PlausibleLimits:
         sensor = self._links.get(field)
         if sensor is None:
             return np.zeros(len(q), dtype=bool)
-        return np.asarray((np.abs(sensor.frame.readings(q, wrench)) >= sensor.limits).any(axis=1))
+        with np.errstate(invalid="ignore"):
+            beyond = np.abs(sensor.frame.readings(q, wrench)) >= sensor.limits
+        return np.asarray(beyond.any(axis=1) & np.isfinite(wrench).all(axis=1))
 
     def _base(self, q: np.ndarray, wrench: np.ndarray, external: bool) -> Implausible | None:
         if self.sensor.range is None:
@@ -267,6 +274,10 @@ def _first(field: str, wrench: np.ndarray, limits: list[float], what: str) -> Im
                 field, f"expected {what}, below {limit:.4g} {unit} in {name}, got {value:.6g} {unit}"
             )
     return None
+
+
+def _is_finite(wrench: np.ndarray) -> bool:
+    return isfinite(sum(wrench.tolist()))
 
 
 def _rows_beyond(values: np.ndarray, lowest: np.ndarray, highest: np.ndarray) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from math import dist, hypot
+from math import dist, hypot, isfinite
 
 import numpy as np
 
@@ -179,9 +179,9 @@ class StreamScreening:
     def _note_weight(self, off: float, speed: float) -> bool:
         """Take the deviation of one sample [N] into account; returns whether it is a contradiction.
 
-        In motion, and without a value, nothing changes.
+        In motion, and without a finite value, nothing changes.
         """
-        if not (speed < _AT_REST and off == off):
+        if not (speed < _AT_REST and isfinite(off)):
             return False
         if off > self._tolerance:
             self._right = 0
@@ -202,7 +202,7 @@ class StreamScreening:
         for i, skip in enumerate(skipped.tolist()):
             if self._right >= _SAMPLES:
                 break
-            if skip or off[i] != off[i]:
+            if skip or not isfinite(off[i]):
                 continue
             if self._note_weight(off[i], speed[i]) and not self._contradiction:
                 self._contradiction = self._explain(base[i, :3])
