@@ -103,7 +103,8 @@ def search_contact_sets(
     known_rows = fill_known_prior(
         surface, prior, measurement, buffers.known, known, joint, buffers.known_prior
     )
-    initialize_seeding(surfaces.link, model, buffers, known)
+    if known.contacts < sought.contacts:
+        initialize_seeding(surfaces.link, model, buffers, known)
     known_alone = known_evidence(
         JointProblem(surfaces, prior, measurement, known_rows, known.contacts), joint
     )

@@ -66,7 +66,8 @@ def initialize_seeding(
         model: The samples and the measurement.
         buffers: With the known contacts after `contactsense.multi_contact.known_prior.fill_known_prior`;
             `seeding` is filled.
-        known: Their number, and what has changed of them.
+        known: Their number, less than `contactsense.multi_contact.buffers.MAX_CONTACTS`, and what has changed
+            of them.
     """
     (rows, m), force_scale = model.measurement, model.force_scale
     seeding, joint = buffers.seeding, buffers.joint

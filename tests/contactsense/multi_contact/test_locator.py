@@ -193,6 +193,22 @@ def test_the_order_of_known_contacts_does_not_matter(precise: Localizer) -> None
         assert one.explanations[0].probability == pytest.approx(other.explanations[0].probability, abs=0.05)
 
 
+def test_beside_three_known_contacts_no_further_one_is_searched(precise: Localizer) -> None:
+    """What is searched with has no room for more: a search wrote beyond its arrays."""
+    trials = Trials(PRECISE, seed=5)
+    for _ in range(5):
+        trial = trials.draw(3, 20.0, "different")
+        known = tuple(_single_contact(precise, trial, push) for push in trial.pushes)
+        _locate(precise, trial, trial.pushes, contacts=3, known=known[:2])
+        search = precise._locator
+        assert search is not None
+        columns = search.buffers.seeding.known_jacobian.copy()
+        assert columns.any()
+        found = _locate(precise, trial, trial.pushes, contacts=3, known=known)
+        assert len(found.contacts) == 3
+        np.testing.assert_array_equal(search.buffers.seeding.known_jacobian, columns)
+
+
 def test_one_contact_is_explained_as_one(ordinary: Localizer) -> None:
     trials = Trials(ordinary.scene, seed=4)
     counts = []
