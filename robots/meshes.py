@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
+from trimesh.units import unit_conversion
 
 from contactsense.robots.errors import RobotError
 from contactsense.robots.library import MESH_SUFFIXES
@@ -11,6 +12,8 @@ from contactsense.robots.library import MESH_SUFFIXES
 
 def read_mesh(path: Path, scale: float | np.ndarray = 1.0) -> trimesh.Trimesh:
     """Load all meshes of a file as one, scaled.
+
+    The length unit of a COLLADA file is taken into account, as in RViz; other formats name none.
 
     Raises:
         RobotError: the file is missing, has an unknown format, or contains no surface.
@@ -24,6 +27,8 @@ def read_mesh(path: Path, scale: float | np.ndarray = 1.0) -> trimesh.Trimesh:
         raise RobotError(f"{path}: not readable as a mesh: {reason}") from error
     if not isinstance(loaded, trimesh.Trimesh) or len(loaded.faces) == 0:
         raise RobotError(f"{path}: holds no surface")
+    if path.suffix.lower() == ".dae":
+        scale = np.multiply(scale, unit_conversion(loaded.units or "meters", "meters"))
     loaded.apply_transform(np.diag([*np.broadcast_to(scale, 3), 1.0]))
     if not np.all(np.isfinite(loaded.vertices)) or not loaded.area > 0.0:
         raise RobotError(f"{path}: zero size, or numbers that are not finite")
