@@ -83,7 +83,7 @@ def read_chain(path: str | Path, tip: str | None = None, name: str | None = None
     joints = {joint.name: joint for joint in model.joints}
     links = {link.name: link for link in model.links}
     parent = {joint.child: joint for joint in joints.values()}
-    root = _root(path, links, parent)
+    root = _root(path, links, model.joints)
     if tip is not None and tip not in links:
         raise RobotError(f"{path}: there is no link {tip}; links are {', '.join(links)}")
     way = way_to(tip, parent) if tip else longest_way(list(links), parent)
@@ -147,8 +147,7 @@ def read_rigid(path: Path) -> tuple[trimesh.Trimesh, Inertia, tuple[str, ...]]:
     """
     model = read_document(path)
     links = {link.name: link for link in model.links}
-    parent = {joint.child: joint for joint in model.joints}
-    root = _root(path, links, parent)
+    root = _root(path, links, model.joints)
     model.link_map = links
     parts = {root: _rigid(root, model.joints, set())}
     body = _link(path, root, parts[root], links).inertia
@@ -159,12 +158,16 @@ def read_rigid(path: Path) -> tuple[trimesh.Trimesh, Inertia, tuple[str, ...]]:
     return meshes[root], body, held
 
 
-def _root(path: Path, links: dict[str, Any], parent: dict[str, Any]) -> str:
+def _root(path: Path, links: dict[str, Any], joints: list[Any]) -> str:
     if not links:
         raise RobotError(f"{path}: expected links, got none")
-    roots = [link for link in links if link not in parent]
+    carried = {joint.child for joint in joints}
+    roots = [link for link in links if link not in carried]
     if len(roots) != 1:
         raise RobotError(f"{path}: expected one root link, got {', '.join(roots) or 'a ring'}")
+    for joint in joints:
+        if joint.parent == joint.child:
+            raise RobotError(f"{path}: joint {joint.name}: expected two links, got {joint.child} twice")
     return roots[0]
 
 
@@ -215,18 +218,23 @@ def _sizes(where: str, given: Any, count: int) -> np.ndarray:
 def find_mesh(path: Path, name: str) -> Path:
     """Path of a mesh from its name in a URDF: relative to it, absolute, or `package://`, searched upwards.
 
+    A package is a folder of its name in one of the folders above the URDF; where there is none, one of these
+    is taken for it, as it may have another name here.
+
     Raises:
         RobotError: there is no such file.
     """
     if name.startswith("package://"):
         relative = name.removeprefix("package://")
-        for folder in path.resolve().parents:
-            # The package's folder is above the URDF, under its own name, or the parent folder contains its
-            # content directly.
-            for candidate in (folder / relative, folder / relative.partition("/")[2]):
-                if candidate.exists():
-                    return candidate
-    elif (path.parent / name.removeprefix("file://")).exists():
+        folders = path.resolve().parents
+        for below in (relative, relative.partition("/")[2]):
+            for folder in folders:
+                if (folder / below).is_file():
+                    return folder / below
+        raise RobotError(
+            f"{path}: mesh {name} is missing: expected {relative} in one of the folders above the URDF"
+        )
+    if (path.parent / name.removeprefix("file://")).exists():
         return path.parent / name.removeprefix("file://")
     raise RobotError(f"{path}: mesh {name} is missing")
 

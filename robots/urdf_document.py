@@ -17,7 +17,17 @@ from contactsense.robots.units import FURTHEST, FURTHEST_BODY, in_metres, within
 
 TURNING = ("revolute", "continuous")
 MOVING = (*TURNING, "prismatic", "planar", "floating")
-_SHAPES = ("box", "cylinder", "sphere", "mesh")
+_SHAPES = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",), "mesh": ("filename",)}
+"""Shapes -> the attributes that each needs."""
+_NUMBERS = {
+    "mass": ("value",),
+    "inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"),
+    "cylinder": ("radius", "length"),
+    "sphere": ("radius",),
+    "limit": ("lower", "upper", "effort", "velocity"),
+    "mimic": ("multiplier", "offset"),
+}
+"""Elements of links and joints -> their attributes that are one number each."""
 
 
 def read_document(path: Path) -> Any:
@@ -102,7 +112,8 @@ def _root_element(path: Path) -> ElementTree.Element:
 
 
 def _check_numbers(path: Path, body: ElementTree.Element) -> None:
-    """Refuse places and directions of a link or joint that are in other units than m and rad.
+    """Refuse places and directions of a link or joint that are in other units than m and rad, and what is no
+    number: the reader's own message does not name the element.
 
     Shapes and fixed joints may be far away: an arm in a hall, or a mesh in the coordinates of its assembly.
     """
@@ -113,6 +124,8 @@ def _check_numbers(path: Path, body: ElementTree.Element) -> None:
             for name in ("xyz", "rpy"):
                 if element.tag in ("origin", "axis") and name in element.attrib:
                     _check_triple(path, body, element, name, furthest)
+            for name in _NUMBERS.get(element.tag, ()):
+                _check_number(path, body, element, name)
 
 
 def _check_shapes(path: Path, body: ElementTree.Element) -> None:
@@ -125,6 +138,12 @@ def _check_shapes(path: Path, body: ElementTree.Element) -> None:
                     f"{path}: {body.tag} {body.get('name')}: {parent.tag}: geometry: expected one of "
                     f"{', '.join(_SHAPES)}, got {', '.join(got) or 'none'}"
                 )
+            for name in _SHAPES[got[0]]:
+                if not geometry[0].get(name):
+                    raise RobotError(
+                        f"{path}: {body.tag} {body.get('name')}: {parent.tag}: {got[0]}: expected the "
+                        f"attribute {name}, got none"
+                    )
 
 
 def _check_triple(
@@ -146,6 +165,18 @@ def _check_triple(
             within_one_turn((x, y, z))
     except ValueError as error:
         raise RobotError(f"{where}: {error}") from None
+
+
+def _check_number(path: Path, body: ElementTree.Element, element: ElementTree.Element, name: str) -> None:
+    """Refuse an attribute that is not one number."""
+    text = element.get(name)
+    if text is None:
+        return
+    try:
+        float(text)
+    except ValueError:
+        where = f"{path}: {body.tag} {body.get('name')}: {element.tag}: {name}"
+        raise RobotError(f"{where}: expected a number, got {text!r}") from None
 
 
 def _is_xacro(root: ElementTree.Element) -> bool:

@@ -133,6 +133,11 @@ def test_meshes_are_scaled_placed_and_joined(tmp_path: Path) -> None:
         ({'<parent link="link2"/>': '<parent link="nowhere"/>'}, r"joint joint3: there is no link nowhere"),
         ({'<parent link="link2"/><child link="link3"/>': '<parent link="link2"/><child link="link2"/>'},
          r"expected one root link"),
+        ({'<link name="plate">': '<joint name="loop" type="fixed"><parent link="link4"/><child link="link4"/>'
+          '</joint><link name="plate">'},
+         r"joint loop: expected two links, got link4 twice"),
+        ({'effort="40"': 'effort="40 Nm"'}, r"joint joint1: limit: effort: expected a number, got '40 Nm'"),
+        ({'mass value="2.0"': 'mass value="2,0"'}, r"link link1: mass: value: expected a number, got '2,0'"),
         ({'axis xyz="0.6 0 0.8"': 'axis xyz="0 0 0"'}, r"joint joint3: the axis has no direction"),
         ({'mass value="2.0"': 'mass value="-2.0"'}, r"link link1: mass"),
         ({'lower="-2" upper="2.5"': 'lower="2.5" upper="-2"'},
@@ -159,6 +164,8 @@ def test_meshes_are_scaled_placed_and_joined(tmp_path: Path) -> None:
          r"link plate: visual: geometry: expected one of box, cylinder, sphere, mesh, got none"),
         ({'<box size="0.1 0.1 0.02"/>': '<capsule radius="0.1" length="0.2"/>'},
          r"link plate: visual: geometry: expected one of box, .*, got capsule"),
+        ({'<box size="0.1 0.1 0.02"/>': '<mesh file="box.stl"/>'},
+         r"link plate: visual: mesh: expected the attribute filename, got none"),
         ({'lower="-2" upper="2.5"': 'lower="-114.6" upper="143.2"'},
          r"joint joint1: limits: expected rad, .* got -114\.6 and 143\.2; if these are degrees: -2 and"),
         ({'<joint name="mount" type="fixed"': '<joint name="mount" type="screw"'},
@@ -307,6 +314,13 @@ def test_package_names_are_searched_upwards(tmp_path: Path) -> None:
     folder.mkdir(parents=True)
     (tmp_path / "my_package" / "box.stl").write_text("")
     assert find_mesh(folder / "arm.urdf", "package://my_package/box.stl").name == "box.stl"
+    # The package may have another name here, unless it is there.
+    assert find_mesh(folder / "arm.urdf", "package://gripper/box.stl").parent.name == "my_package"
+    (tmp_path / "gripper").mkdir()
+    (tmp_path / "gripper" / "box.stl").write_text("")
+    assert find_mesh(folder / "arm.urdf", "package://gripper/box.stl").parent.name == "gripper"
+    with pytest.raises(robots.RobotError, match=r"other/x\.stl is missing: .* folders above the URDF"):
+        find_mesh(folder / "arm.urdf", "package://other/x.stl")
 
 
 def test_panda() -> None:
