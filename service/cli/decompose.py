@@ -142,6 +142,9 @@ def decompose(
     if measure is not None:
         _write(measured_again(robot, surfaces, measure), out)
         return
+    for link in () if rigid else robot.link_names:
+        if link not in surfaces:
+            click.echo(f"warning: {link}: no visual shape; it gets no primitives", err=True)
     start = time.perf_counter()
     fits = fit_all(robot, surfaces, options, jobs)
     seconds = time.perf_counter() - start

@@ -9,6 +9,7 @@ from contactsense.plausibility.largest_reading import RAMP_TIME, largest_torque_
 from contactsense.robots.library import in_library
 from contactsense.robots.principal_moments import check_principal_moments
 from contactsense.scene import Scene
+from contactsense.sensors.field_checks import of_its_mass
 from contactsense.sensors.settings import WrenchSensor, per_joint
 
 _OTHER_MASS = 2.0
@@ -29,6 +30,7 @@ def load_warnings(scene: Scene) -> Iterator[str]:
     """What is stated of loads, drives and noise beyond what the arm's data allow, one line each."""
     yield from _masses(scene)
     yield from tensor_warnings(scene)
+    yield from _arm_tensors(scene)
     yield from _torques(scene)
     yield from _drives(scene)
     if scene.base_wrench is not None:
@@ -70,6 +72,18 @@ def tensor_warnings(scene: Scene) -> Iterator[str]:
                 f"inertia.{link.name}.tensor: expected a largest principal moment of about the {known:.3g} "
                 f"kg m^2 of the robot's data, got {own:.3g} kg m^2"
             )
+
+
+def _arm_tensors(scene: Scene) -> Iterator[str]:
+    """Inertia of moving links in the arm's own data that is in another unit, as exporters of URDFs use."""
+    for link in scene.robot.links[1:]:
+        if link.name in (scene.inertia or {}):
+            continue
+        (xx, xy, xz), (_, yy, yz), (_, _, zz) = link.inertia.tensor.tolist()
+        try:
+            of_its_mass(link.inertia.mass, (xx, xy, xz, yy, yz, zz))
+        except ValueError as error:
+            yield f"robot: link {link.name}: inertia: {error}"
 
 
 def _torques(scene: Scene) -> Iterator[str]:

@@ -115,6 +115,9 @@ def scene_warnings(scene: Scene) -> tuple[str, ...]:
         found += _range_warnings(scene, field, sensor, "tool" if field == "wrist_wrench" else "load")
     if scene.tool is not None and scene.tool.mass > 0.0 and not scene.tool.primitives:
         found.append("tool.primitives: the tool has no surface; contacts on it cannot be found")
+    bare = [link.name for link in scene.robot.links if not link.primitives]
+    if names := [name for name in scene.touchable_links if name in bare]:
+        found.append(f"robot: {', '.join(names)}: no surface; contacts on it cannot be found")
     for i, body in enumerate(scene.bodies):  # a floor may be as large
         found += [f"bodies[{i}].primitives[{j}]: {text}" for j, text in beyond(body.primitives, FURTHEST)]
     return tuple(found)

@@ -186,6 +186,16 @@ def test_links_that_cannot_be_touched_are_named(
         fit_all(two_links(), two_meshes(), Options(), 1)
 
 
+def test_a_link_without_a_visual_shape_is_named_before_the_fit(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    two_meshes()["base"].export(tmp_path / "base.stl")
+    urdf = tmp_path / "two.urdf"
+    urdf.write_text(URDF.replace('<visual><geometry><mesh filename="bar.stl"/></geometry></visual>', ""))
+    monkeypatch.setattr(decompose_fits, "run_tasks", lambda *_: iter(()))  # nothing is fitted
+    assert "warning: bar: no visual shape; it gets no primitives" in call("decompose", str(urdf)).stderr
+
+
 @pytest.mark.long
 def test_a_link_that_cannot_be_touched_gets_no_primitives(tmp_path: Path) -> None:
     trimesh.creation.box((0.4, 0.4, 0.4)).export(tmp_path / "base.stl")

@@ -33,6 +33,28 @@ def test_an_arm_of_ones_own_that_is_too_heavy_for_its_joints_is_told() -> None:
     assert found.startswith("robot: expected a weight that shoulder_lift_joint can hold (150 Nm), got ")
 
 
+def test_an_inertia_in_kg_mm2_in_the_file_of_an_arm_is_told() -> None:
+    """That of the base, which does not move, is of no effect."""
+    arm = robots.load("ur5e")
+
+    def in_mm(index: int) -> robots.Robot:
+        links = list(arm.links)
+        own = links[index].inertia
+        links[index] = dataclasses.replace(
+            links[index], inertia=dataclasses.replace(own, tensor=1e6 * own.tensor)
+        )
+        return dataclasses.replace(arm, file=None, links=tuple(links))
+
+    (found,) = load_warnings(Scene(robot=in_mm(3)))
+    assert found.startswith("robot: link forearm: inertia: expected kg m^2, none above 17.79 for 2.846 kg,")
+    assert "; if these are kg mm^2: [" in found
+    assert not list(load_warnings(Scene(robot=in_mm(0))))
+    own = LinkInertia(mass=2.85, com=(0.0, 0.0, 0.0), tensor=(0.1, 0.0, 0.0, 0.1, 0.0, 0.1))
+    assert not any(
+        "link forearm" in text for text in load_warnings(Scene(robot=in_mm(3), inertia={"forearm": own}))
+    )
+
+
 def test_a_tool_with_a_surface_weighs_something() -> None:
     shapes = (Sphere(center=(0.0, 0.0, 0.1), radius=0.03),)
     (found,) = weightless_tool(Scene(robot="ur5e", tool=Tool(primitives=shapes)))

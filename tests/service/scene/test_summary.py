@@ -196,6 +196,14 @@ def test_a_tool_without_a_surface_is_warned_of() -> None:
     assert "tool.primitives" in scene_warnings(Scene(robot="ur5e", tool=Tool(mass=1.0)))[0]
 
 
+def test_links_without_a_surface_are_warned_of_where_they_may_be_touched() -> None:
+    arm = plain_ur5e()
+    bare = replace(arm, links=(*arm.links[:3], replace(arm.links[3], primitives=()), *arm.links[4:]))
+    (found,) = scene_warnings(Scene(robot=bare))
+    assert found == "robot: forearm: no surface; contacts on it cannot be found"
+    assert scene_warnings(Scene(robot=bare, touchable=("upper_arm", "wrist_1"))) == ()
+
+
 def test_moving_links_without_a_mass_are_warned_of() -> None:
     """Many URDFs have no masses. Torques that the controller has compensated need none."""
     arm = plain_ur5e()
