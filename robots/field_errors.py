@@ -16,6 +16,7 @@ __all__ = ["Place", "describe", "joined", "reasons"]
 _WORDS = {
     "missing": "expected a value, the field is missing",
     "extra_forbidden": "unknown field",
+    "invalid_key": "expected names of fields",
     "model_type": "expected fields",
     "model_attributes_type": "expected an object with fields",
     "dict_type": "expected an object with fields",
@@ -66,6 +67,8 @@ def reasons(issues: Iterable[Mapping[str, Any]], annotation: Any) -> dict[Place,
     found: dict[Place, tuple[list[str], str]] = {}
     for issue in islice(issues, _MOST_ISSUES):
         place = find(annotation, issue["loc"]).place
+        if issue["type"] == "invalid_key":  # a number, which a place would show as that of a value in a list
+            place = place[:-1]
         last = place[-1] if place else None
         if issue["type"] == "missing" and isinstance(last, int):
             # Of a list that is too short, pydantic names every value that is missing.
@@ -124,10 +127,15 @@ def _meant(name: str, here: Found, annotation: Any) -> str:
     if meant and not below:
         meant = [*((*here.place, near) for near in nearest(name, here.fields)), *meant]
     if meant:
-        return f" (did you mean {' or '.join(map(joined, meant))}?)"
+        return f" (did you mean {' or '.join(map(_with_level, meant))}?)"
     fields = here.fields
     listed = f" (known: {', '.join(sorted(fields))})" if 0 < len(fields) <= _MOST_LISTED else ""
     return did_you_mean(name, fields) or listed
+
+
+def _with_level(place: Place) -> str:
+    """A place as text; where it is a field of the whole, its name alone would be the unknown one again."""
+    return joined(place) + (" at the outermost level" if len(place) == 1 else "")
 
 
 def _either(messages: list[str]) -> str:

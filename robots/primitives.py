@@ -9,9 +9,17 @@ the same shapes.
 from math import dist, sqrt
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, PositiveFloat, SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import (
+    AfterValidator,
+    Field,
+    PositiveFloat,
+    SerializerFunctionWrapHandler,
+    model_serializer,
+    model_validator,
+)
 
 from contactsense.robots.file_model import FileModel
+from contactsense.robots.units import within_one_turn
 
 Vector = tuple[float, float, float]
 Positive = tuple[PositiveFloat, PositiveFloat, PositiveFloat]
@@ -108,7 +116,7 @@ class Ellipsoid(_Shape):
     kind: Literal["ellipsoid"] = "ellipsoid"
     center: Vector
     """Centre, link frame [m]."""
-    rpy: Vector = (0.0, 0.0, 0.0)
+    rpy: Annotated[Vector, AfterValidator(within_one_turn)] = (0.0, 0.0, 0.0)
     """Orientation in the link frame: roll, pitch, yaw about fixed x, y, z [rad]."""
     radii: Positive
     """Semi-axes [m]."""
@@ -120,7 +128,7 @@ class Box(_Shape):
     kind: Literal["box"] = "box"
     center: Vector
     """Centre, link frame [m]."""
-    rpy: Vector = (0.0, 0.0, 0.0)
+    rpy: Annotated[Vector, AfterValidator(within_one_turn)] = (0.0, 0.0, 0.0)
     """Orientation in the link frame: roll, pitch, yaw about fixed x, y, z [rad]."""
     half: Positive
     """Half edge lengths, rounding included [m]."""

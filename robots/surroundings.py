@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import ConfigDict, Field, PositiveFloat
+from pydantic import ConfigDict, Field
 
 from contactsense.robots.deviation_table import DeviationTable
 from contactsense.robots.file_model import FileModel
@@ -32,7 +32,7 @@ class Body(FileModel):
     """Origin of the body's frame in the base frame [m]."""
     rpy: Vector = (0.0, 0.0, 0.0)
     """Orientation of the body's frame in the base frame: roll, pitch, yaw about fixed x, y, z [rad]."""
-    tolerance: PositiveFloat = 0.01
+    tolerance: Annotated[float, Field(gt=0.0, le=1.0)] = 0.01
     """Largest distance between an obstacle and the touching arm that errors of both places explain [m]."""
     primitives: Annotated[tuple[Primitive, ...], Field(min_length=1)]
     """Shape as a union of primitives, body's frame; docs/geometry.md lists the kinds [m]."""

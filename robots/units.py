@@ -2,7 +2,7 @@
 
 from math import isfinite, pi, radians
 
-from contactsense.robots.primitives import Vector
+Vector = tuple[float, float, float]
 
 FURTHEST = 5.0
 """Largest coordinate of a place on an arm in the frame of its link, and largest size of a primitive that can

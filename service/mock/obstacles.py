@@ -2,9 +2,10 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field, NonNegativeFloat, PositiveFloat, model_validator
+from pydantic import AfterValidator, Field, NonNegativeFloat, PositiveFloat, model_validator
 
 from contactsense.robots.file_model import FileModel
+from contactsense.robots.units import within_one_turn
 
 Vector = tuple[float, float, float]
 
@@ -42,7 +43,7 @@ class BoxObstacle(_Obstacle):
     kind: Literal["box"] = "box"
     center: Vector
     """Centre, base frame [m]."""
-    rpy: Vector = (0.0, 0.0, 0.0)
+    rpy: Annotated[Vector, AfterValidator(within_one_turn)] = (0.0, 0.0, 0.0)
     """Orientation in the base frame: roll, pitch, yaw about fixed x, y, z [rad]."""
     half: tuple[PositiveFloat, PositiveFloat, PositiveFloat]
     """Half of the edge lengths, rounding included [m]."""

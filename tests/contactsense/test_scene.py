@@ -298,6 +298,14 @@ def test_an_arm_may_be_a_path(tmp_path: Path) -> None:
             r"bodies\[0\].translation: expected x, y, z in m, none above 50, got .*; "
             r"if these are mm: \[0.6, 0, -0.02\]",
         ),
+        (
+            "robot: ur5e\nbodies: [{name: post, tolerance: 10, "
+            "primitives: [{kind: box, center: [0, 0, 0], rpy: [0, 0, 90], half: [1, 1, 1], rounding: 0.1}]}]",
+            r"bodies\[0\].tolerance: expected a number of at most 1, got 10; .*primitives\[0\].rpy: "
+            r"expected roll, pitch, yaw in rad, .*; if these are degrees: \[0, 0, 1.571\]",
+        ),
+        ("robot: ur5e\ntool: {mass: 1,2}", "tool: expected names of fields, got 2"),
+        ("robot: ur5e\ntool: {inertia: 1}", r"did you mean inertia at the outermost level\?"),
         ("robot: [", "not YAML"),
     ],
 )

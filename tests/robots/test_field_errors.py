@@ -55,7 +55,10 @@ class Box(Part):
             "boxes[0].thickness: unknown field (did you mean boxes[0].lid.thickness or "
             "boxes[0].floor.thickness?), got 2",
         ),
-        ({"slab": {"share": 1}}, "slab.share: unknown field (did you mean share?), got 1"),
+        (
+            {"slab": {"share": 1}},
+            "slab.share: unknown field (did you mean share at the outermost level?), got 1",
+        ),
         (
             {"colour": 1},
             "colour: unknown field (known: boxes, long, named, on, parts, place, share, six, slab, while), "
