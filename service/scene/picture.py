@@ -47,8 +47,10 @@ def _draw(scene: Scene, q: np.ndarray, path: Path) -> None:
         camera = _camera(azimuth, elevation)
         _draw_surface(plot, camera, triangles, colours)
         _draw_gravity(plot, camera, triangles, size)
+        labels: list[np.ndarray] = []
         for name, rotation, origin in _frames(scene, places):
             _draw_frame(plot, camera, name, to_world @ rotation, to_world @ origin, 0.12 * size)
+            _draw_label(plot, name, (camera @ to_world @ origin)[:2], 0.12 * size, labels)
         plot.set_aspect("equal")
         plot.set_axis_off()
     touchable = scene.touchable_links
@@ -170,15 +172,25 @@ def _draw_frame(
         letter = plot.text(x, y, "xyz"[i], color=colour, ha="center", va="center", fontweight="bold")
         letter.set_path_effects([withStroke(linewidth=3.0, foreground="white")])
         plot.update_datalim([end])
-    below = -1.9 if sensor else -1.2
+
+
+def _draw_label(
+    plot: "mpl.axes.Axes", name: str, start: np.ndarray, length: float, labels: list[np.ndarray]
+) -> None:
+    """Name a frame at `start` (2,) below it, and below the labels that are already there."""
+    sensor = name != "base"
+    place = start + np.array([1.4, -1.9 if sensor else -1.2]) * length
+    while any(np.all(np.abs(place - other) < np.array([3.6, 0.7]) * length) for other in labels):
+        place[1] -= 0.1 * length
+    labels.append(place)
     plot.annotate(
         f"{name} frame ({'dashed' if sensor else 'solid'})",
-        start,
-        start + np.array([1.4, below]) * length,
+        tuple(start),
+        tuple(place),
         arrowprops={"arrowstyle": "-", "color": "#555555", "linewidth": 0.8},
         bbox={"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": "#999999"},
     )
-    plot.update_datalim([start + np.array([3.4, below]) * length])
+    plot.update_datalim([place + np.array([2.0, 0.0]) * length])
     plot.autoscale_view()
 
 
