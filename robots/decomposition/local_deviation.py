@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.cluster.vq import kmeans2
+from scipy.spatial.distance import cdist
 
 from contactsense.robots.decomposition.least_squares_fit import Bodies
 from contactsense.robots.decomposition.outer_skin import Skin
@@ -23,12 +24,17 @@ CELL = 0.04
 MOVED_CELL = 0.028
 """Edge of a cell in which the surface is moved [m]: the skin is followed closer, and each cell still has
 dozens of samples. On a UR3e of own truth it places contacts by a third closer than `CELL` does."""
+CELL_SAMPLES = 16
+"""Cells are larger where they would have fewer samples, as on a fence of some square metres."""
 LEAST = 5e-5
 """Smallest standard deviation of the distance [m]: rounding of the primitives' dimensions, facets."""
 LARGEST_TILT = 0.6
 """Larger angles between normals count as this one [rad]: two walls of a thin rib are not one surface."""
 PRIOR_SAMPLES = 3.0
 """A cell's mean squares are those of its samples and of this many with the mean square of its primitive."""
+
+_NO_SIDE = 1e-9
+"""The normals of a cell with as much of one face of a thin plate as of the other have no mean."""
 
 
 class _Samples(NamedTuple):
@@ -87,8 +93,10 @@ def local_deviation(
         mine = samples.part(primitive == number)
         if not len(mine.offset):
             continue
-        count = max(round(skin.area * len(mine.offset) / len(skin.points) / edge**2), 1)
-        center, cell = kmeans2(mine.foot, count, minit="++", rng=np.random.default_rng(seed))
+        count = round(skin.area * len(mine.offset) / len(skin.points) / edge**2)
+        count = max(min(count, len(mine.offset) // CELL_SAMPLES), 1)
+        seeds = _seeds(mine.foot, count, np.random.default_rng(seed))
+        center, cell = kmeans2(mine.foot, seeds, minit="matrix")
         squared_offset, squared_tilt = np.empty(len(cell)), np.empty(len(cell))
         motions = []
         for i in range(count):
@@ -112,6 +120,19 @@ def local_deviation(
     return tuple(cells)
 
 
+def _seeds(points: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
+    """First centres of `count` cells by k-means++, shape (count, 3) [m]: those that `kmeans2` draws, which
+    measures the distances from all former centres for each further one and takes hours for a fence."""
+    chosen = np.empty((count, 3))
+    chosen[0] = points[rng.integers(len(points))]
+    nearest = np.full(len(points), np.inf)
+    for i in range(1, count):
+        nearest = np.minimum(nearest, cdist(chosen[i - 1 : i], points, "sqeuclidean")[0])
+        share = np.cumsum(nearest / nearest.sum())
+        chosen[i] = points[min(int(np.searchsorted(share, rng.uniform())), len(points) - 1)]
+    return chosen
+
+
 def _unmoved(samples: _Samples) -> _Motion:
     return _Motion(np.zeros(3), np.zeros(3), samples.offset, samples.normal)
 
@@ -124,10 +145,11 @@ def _to_the_mean(samples: _Samples, center: np.ndarray) -> _Motion:
     those of a square cell are.
     """
     total = float(samples.weight.sum())
-    if total == 0.0:
-        return _unmoved(samples)
     up = samples.weight @ samples.normal
-    up /= np.linalg.norm(up)
+    length = float(np.linalg.norm(up))
+    if length <= _NO_SIDE * total:
+        return _unmoved(samples)
+    up /= length
     across = samples.foot - center
     across -= np.outer(across @ up, up)
     mean = float(samples.weight @ samples.offset) / (total + PRIOR_SAMPLES)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.cluster.vq import kmeans2
 
 from contactsense.robots.decomposition import local_deviation as measured
 from contactsense.robots.decomposition.local_deviation import CELL, local_deviation
@@ -44,6 +45,36 @@ def test_each_cell_has_the_deviations_of_its_part_of_the_skin() -> None:
     np.testing.assert_allclose(tilt[rough], TILT / np.sqrt(2.0), rtol=0.05)
     assert offset[true].max() < STEP / 3.0
     np.testing.assert_allclose([cell.point[2] for cell in cells], 0.0, atol=1e-9)
+
+
+def test_cells_begin_where_those_of_k_means_plus_plus_do() -> None:
+    points = plate().points
+    mine = measured._seeds(points, 100, np.random.default_rng(3))
+    center, cell = kmeans2(points, 100, minit="++", rng=np.random.default_rng(3))
+    own_center, own_cell = kmeans2(points, mine, minit="matrix")
+    np.testing.assert_array_equal(own_center, center)
+    np.testing.assert_array_equal(own_cell, cell)
+
+
+def test_cells_of_a_large_body_have_samples() -> None:
+    """A fence of 16 m^2 with 8000 samples would have 10000 cells."""
+    skin = plate()
+    fence = skin._replace(points=10.0 * skin.points, area=100.0 * skin.area)
+    large = Box(center=(0.0, 0.0, -0.05), half=(2.5, 2.5, 0.05), rounding=0.01)
+    cells = local_deviation(bodies_of([large]), fence)
+    assert len(cells) == 8000 // measured.CELL_SAMPLES
+    assert np.isfinite([cell.offset for cell in cells]).all()
+
+
+def test_a_cell_with_both_faces_of_a_thin_plate_is_not_moved() -> None:
+    x, y, z = np.meshgrid((-0.004, 0.0, 0.004), (-0.004, 0.0, 0.004), (-0.0015, 0.0015))
+    points = np.column_stack((x.ravel(), y.ravel(), z.ravel()))
+    normals = np.column_stack((np.zeros((18, 2)), np.sign(points[:, 2])))
+    skin = Skin(points, normals, np.ones(18), 2.0 * 0.01**2)
+    thin = Box(center=(0.0, 0.0, 0.0), half=(0.005, 0.005, 0.001), rounding=0.0005)
+    (cell,) = local_deviation(bodies_of([thin]), skin, moved=True)
+    assert (cell.shift, cell.turn) == ((0.0,) * 3, (0.0,) * 3)
+    assert cell.offset == pytest.approx(0.0005)
 
 
 def test_samples_that_can_seldom_be_touched_count_little() -> None:
