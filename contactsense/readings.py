@@ -1,5 +1,6 @@
 """Sensor readings caused by a contact: the forward model that the localizer inverts, for an arm at rest."""
 
+from math import isfinite
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,9 @@ from contactsense.scene_model.arm_model import model_with_tool
 from contactsense.scene_model.link_sensors import mounts
 from contactsense.scene_model.load_weight import LoadWeight
 from contactsense.sensors.validation import checked_vector
+
+_ROUNDING = 1e-3
+"""Of the squared length of a unit vector whose components were rounded."""
 
 
 @with_attributes
@@ -62,7 +66,7 @@ def forward_model(
     Raises:
         ValueError: the link is unknown, an argument has the wrong shape, positions are beyond the joints'
             limits and one turn or the point is more than 5 m from its frame, as with other units, or `normal`
-            is missing.
+            is missing or no unit vector.
         TypeError: `scene` is none.
     """
     check_scene(scene)
@@ -77,8 +81,14 @@ def forward_model(
         in_metres(tuple(point.tolist()))
     except ValueError as error:
         raise ValueError(f"point: {error}") from None
+    if not isfinite(torsion):
+        raise ValueError(f"torsion: expected a finite number, got {torsion}")
     if torsion != 0.0 and normal is None:
         raise ValueError("normal: expected the outward normal that torsion acts about, got none")
+    if normal is not None:
+        normal = checked_vector("normal", normal, 3, "1")
+        if abs(float(normal @ normal) - 1.0) > _ROUNDING:
+            raise ValueError(f"normal: expected a unit vector, got {normal.tolist()}")
     index = scene.link_names.index(link)
     body = min(index, joints)
     model, motion = build_model(robot), empty_motion(joints)
@@ -88,7 +98,7 @@ def forward_model(
     place = motion.origin[body] + motion.rotation[body] @ point
     moment = np.cross(place, force)
     if normal is not None:
-        moment = moment + torsion * checked_vector("normal", normal, 3, "1")
+        moment = moment + torsion * normal
     wrench = np.concatenate((force, moment))
     torque, base = np.zeros(joints), np.zeros(6)
     felt = np.where(np.arange(joints) < body, -motion.screw @ wrench, 0.0)

@@ -91,6 +91,11 @@ def test_a_sensor_that_the_scene_lacks_has_no_readings() -> None:
         ),
         ({"q": np.array([0.0, -90.0, 90.0, 0.0, 0.0, 0.0])}, "q: .* got -90; are they in degrees"),
         ({"torsion": 1.0}, "normal: expected the outward normal"),
+        ({"torsion": 1.0, "normal": np.array([0.0, 0.0, 2.0])}, "normal: expected a unit vector, got .*2.0"),
+        (
+            {"torsion": np.nan, "normal": np.array([0.0, 0.0, 1.0])},
+            "torsion: expected a finite number, got nan",
+        ),
     ],
 )
 def test_bad_arguments_are_named(changes: dict[str, object], message: str) -> None:
