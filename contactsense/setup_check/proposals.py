@@ -65,7 +65,10 @@ def line_value(line: Line, setup: Setup, scene: Scene) -> tuple[str, str]:
     field = sensor_of(scene, line)
     if field is not None:
         if line.endswith(".rpy"):
-            return _frame(setup.sensors[field], Setup.of(scene).sensors[field])
+            frame, given = Setup.of(scene).sensors[field], scene.link_sensors.get(field, scene.base_wrench)
+            if given is not None and np.array_equal(setup.sensors[field].rotation, frame.rotation):
+                return _vector(np.array(given.rpy), 4), ""  # of the angles that say the same, those stated
+            return _frame(setup.sensors[field], frame)
         if line.endswith(".link"):
             return scene.robot.link_names[setup.sensors[field].body], ""
         sensor = setup.sensors[field]

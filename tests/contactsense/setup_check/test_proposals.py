@@ -37,3 +37,11 @@ def test_a_bias_is_written_as_finely_as_the_sensor_measures(noise: tuple[float, 
     sensor = WrenchSensor(force_noise=noise[0], moment_noise=noise[1], bias=bias)
     scene = Scene(robot=plain_ur5e(), tool=Tool(mass=1.0), wrist_wrench=sensor)
     assert line_value("wrist_wrench.bias", Setup.of(scene), scene) == (text, "")
+
+
+@pytest.mark.parametrize("field", ["base_wrench", "wrist_wrench"])
+def test_the_orientation_of_a_sensor_is_written_as_in_the_scene(field: str) -> None:
+    """Other angles say the same: those below were shown as [-1.1416, 1.1416, 3.1416]."""
+    sensors = {field: WrenchSensor(rpy=(2.0, 2.0, 0.0))}
+    scene = Scene(robot=plain_ur5e(), tool=Tool(mass=1.0), **sensors)
+    assert line_value(f"{field}.rpy", Setup.of(scene), scene) == ("[2, 2, 0]", "")
