@@ -7,9 +7,9 @@ from contactsense.service.recordings.problems import Problem
 
 NAMED = 3
 """Number of places that a line names; the others are counted."""
-_MEASURED = ("gap", "clock_set_back", "bad_row", "held")
+_MEASURED = ("gap", "clock_set_back", "bad_row", "held", "velocities")
 """Kinds whose messages contain what was measured or the cell itself, so that each reads differently."""
-_ABOUT = {"bad_row": ":", "held": " "}
+_ABOUT = {"bad_row": ":", "held": " ", "velocities": ":"}
 """Of those that are about a column or a sensor: what stands behind its name, where the message begins."""
 
 

@@ -13,6 +13,7 @@ Kind = Literal[
     "missing_sensor",
     "schema",
     "held",
+    "velocities",
 ]
 
 
@@ -33,7 +34,7 @@ class Problem:
     message: str
     size: float = 0.0
     """How large it is, where it has a size: the time of a gap, or by which a clock was set back [s]; the
-    share of the rows whose values are held."""
+    share of the rows whose values are held; that of the movements which contradict their velocities."""
 
     @property
     def rows(self) -> str:

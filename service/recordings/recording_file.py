@@ -18,6 +18,7 @@ from contactsense.service.recordings.sensor_delays import DelayedReadings
 from contactsense.service.recordings.signal_columns import SignalColumns
 from contactsense.service.recordings.table import Columns, TableFile, chosen_rows
 from contactsense.service.recordings.table_files import open_table
+from contactsense.service.recordings.velocity_agreement import VelocityAgreement
 from contactsense.service.sensors.signal_mapping import TorqueMap
 
 
@@ -80,12 +81,14 @@ class RecordingFile:
             enough: Asked after each block: if it returns True, what has been read by then is the rest.
         """
         checker, held, end = RowChecker(), HeldValues(), 0
+        velocities = VelocityAgreement([joint.name for joint in self._scene.robot.joints])
         pending = DelayedReadings(self._signals.base_delay, self._signals.links)
         reported = kept = 0
         for row, columns in chosen_rows(self._table.batches(self._signals.wanted, first, last), first, last):
             # What is not finite is reported, and stays so in every product.
             with np.errstate(invalid="ignore"):
                 block = self._converted(columns, row, checker, held)
+                velocities.add(block.t, block.q, block.qd)
             end = row + len(columns[self._mapping.timestamp])
             kept += len(block)
             for part in pending.add(block).blocks(size):
@@ -98,6 +101,7 @@ class RecordingFile:
         new = (
             *checker.problems[reported:],
             *held.problems(end),
+            *velocities.problems(end),
             *self._signals.absent,
             *self._table.problems,
         )

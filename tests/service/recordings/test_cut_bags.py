@@ -24,7 +24,8 @@ SCENE = Scene(robot="ur5e")
 @cache
 def _recording(rows: int = N) -> Recording:
     chance = np.random.default_rng(3)
-    q, qd, torque, wrench = (chance.standard_normal((rows, 6)) for _ in range(4))
+    qd, torque, wrench = (chance.standard_normal((rows, 6)) for _ in range(3))
+    q = np.cumsum(0.002 * qd, axis=0)
     return Recording("made", 5.0 + 0.002 * np.arange(rows), q, qd, torque, wrench, None, np.arange(rows))
 
 
