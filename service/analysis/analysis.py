@@ -63,6 +63,8 @@ class Analysis:
     doubt: str = ""
     """Why the scene is in doubt, see `contactsense.Localizer.doubt`; one of `problems`, empty if there is no
     doubt."""
+    gap_seconds: float = 0.0
+    """How long the gaps last together [s]."""
     limits: ForceLimits | None = None
     """The limits that forces are compared with."""
     estimates: pa.Table | None = None
@@ -80,6 +82,11 @@ class Analysis:
         """Whether any sample could be used. If none could, or the rows are in no order of time, no contacts
         does not mean that nothing touched the arm."""
         return self.is_ordered and (bool(self.contacts) or self.residuals.usable > 0)
+
+    @property
+    def step(self) -> float:
+        """Mean time between two samples, without the gaps [s]."""
+        return max(self.duration - self.gap_seconds, 0.0) / max(self.samples - 1 - self.gaps, 1)
 
     def to_arrow(self) -> pa.Table:
         """The contacts as an Arrow table, see `contactsense.service.analysis.contact_table.SCHEMA`."""
@@ -139,6 +146,7 @@ def analyze(
     scene = without_sensors(scene, absent)
     run = AnalysisRun(scene, None if absent else localizer, smooth)
     contacts = tuple(run.contacts(recording, keep if estimates else None, progress))
+    gaps = [problem.size for problem in run.extent.problems if problem.kind == "gap"]
     return Analysis(
         scene=scene,
         recording=recording.name,
@@ -146,7 +154,8 @@ def analyze(
         start=run.extent.start,
         duration=run.extent.seconds,
         is_ordered=run.extent.is_ordered,
-        gaps=sum(problem.kind == "gap" for problem in run.extent.problems),
+        gaps=len(gaps),
+        gap_seconds=sum(gaps),
         problems=(*problem_lines(run.extent.problems), *run.complaints),
         contacts=contacts if run.extent.is_ordered else (),  # each step back begins another stream
         residuals=run.residuals.summary(),

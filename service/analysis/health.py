@@ -5,7 +5,7 @@ import numpy as np
 from contactsense.sensors.timing import LONGEST_FIRST_STEP
 from contactsense.service.analysis.analysis import Analysis
 from contactsense.service.analysis.present_sensors import in_scene
-from contactsense.service.recordings.column_mapping import unit_hint
+from contactsense.service.recordings.column_mapping import SHORTEST_STEP, unit_hint
 from contactsense.service.recordings.time_extent import UNORDERED_ADVICE
 
 TOO_LARGE = 1.3
@@ -75,13 +75,21 @@ def health(analysis: Analysis) -> list[tuple[bool, str]]:
             )
         )
         return findings
-    step = analysis.duration / max(analysis.samples - 1, 1)
+    step = analysis.step
     if not analysis.judged and step > LONGEST_FIRST_STEP:
         findings.append(
             (
                 False,
                 f"timestamp: expected samples at most {LONGEST_FIRST_STEP:g} s apart, got {step:.3g} s on "
                 f"average{unit_hint(step, LONGEST_FIRST_STEP)}",
+            )
+        )
+    if not analysis.judged and 0.0 < step < SHORTEST_STEP:
+        findings.append(
+            (
+                False,
+                f"timestamp: expected samples at least {SHORTEST_STEP:g} s apart, got {step:.3g} s on "
+                "average; are they in another unit than --columns says (time_unit)?",
             )
         )
     if not analysis.judged and any("are they in degrees?" in problem for problem in analysis.problems):

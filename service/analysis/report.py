@@ -221,8 +221,7 @@ def _threshold(scene: Scene, analysis: Analysis) -> float:
     """Energy at which a contact begins when all sensors of the scene have a value."""
     links = (1 << len(scene.link_sensors)) - 1
     chosen = sensor_set(scene.base_wrench is not None, scene.joint_torque is not None, links)
-    step = analysis.duration / max(analysis.samples - 1, 1)
-    return float(stream_thresholds(scene)[chosen, threshold_index(step), 0])
+    return float(stream_thresholds(scene)[chosen, threshold_index(analysis.step), 0])
 
 
 def _views(analysis: Analysis, chosen: set[int]) -> dict[str, Any]:

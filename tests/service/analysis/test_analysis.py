@@ -272,6 +272,20 @@ def test_recordings_of_ten_samples_a_second(tmp_path: Path) -> None:
     assert any(text.startswith("Samples are 0.1 s apart") for well, text in health(found) if not well)
 
 
+def test_a_clock_that_jumps_ahead_does_not_make_the_rate_low(tmp_path: Path) -> None:
+    """1000 s within the recording: its samples seemed 0.5 s apart, and a higher rate was asked for."""
+    path = write_motion(demo(), tmp_path / "demo.parquet", last=2000)
+    table = pa_parquet.read_table(path)
+    times = table["timestamp"].to_numpy() + np.where(np.arange(2000) < 1000, 0.0, 1000.0)
+    pa_parquet.write_table(
+        table.set_column(table.column_names.index("timestamp"), "timestamp", [times]), path
+    )
+    found = analyze(path, SCENE)
+    assert found.step == pytest.approx(0.002)
+    assert found.duration > 1000.0
+    assert not [text for _, text in health(found) if "apart" in text]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("as_file", [True, False])
 def test_a_recording_without_a_sensor_is_analysed_as_if_the_scene_had_none(

@@ -96,6 +96,7 @@ def test_one_sample_at_a_unix_time_has_a_report(tmp_path: Path) -> None:
     ("columns", "scale", "complaint"),
     [
         (["timestamp"], 1000.0, "timestamp: expected samples at most 0.15 s apart, got 2 s on average"),
+        (["timestamp"], 0.001, "timestamp: expected samples at least 0.0005 s apart, got 2e-06 s on average"),
         ([f"actual_q_{i}" for i in range(6)], 180.0 / np.pi, "are read with --columns angle_unit=deg"),
     ],
 )
