@@ -22,7 +22,7 @@ _HEAD = 65536
 """Maximum length of the header line of a CSV file [bytes]."""
 _GZIP = b"\x1f\x8b"
 """The first bytes of a file that is packed with gzip."""
-_DECIMAL_COMMA = re.compile(rb"\d,\d")
+_DECIMAL_COMMA, _QUOTED_DECIMAL_COMMA = re.compile(rb"\d,\d"), re.compile(rb'"[+-]?\d+,\d+')
 _DATE = re.compile(r"\d{1,4}([./-])\d{1,2}\1\d{1,4}")
 """A date in any order of day, month and year."""
 _UTF16 = (b"\xff\xfe", b"\xfe\xff")
@@ -140,9 +140,10 @@ class CsvTable:
                     f"{path}: expected CSV with a header line that names the columns, Parquet, Arrow, MCAP "
                     f"or rosbag2, got {found}: {head[:40]!r}"
                 )
-        # Spreadsheets with decimal commas write semicolons between columns.
+        # Spreadsheets with decimal commas write semicolons or tabs between columns, others quote such numbers.
         self._delimiter = _delimiter(head)
-        self._decimal_commas = self._delimiter == ";" and _DECIMAL_COMMA.search(rest) is not None
+        decimal_comma = _QUOTED_DECIMAL_COMMA if self._delimiter == "," else _DECIMAL_COMMA
+        self._decimal_commas = decimal_comma.search(rest) is not None
         self.names = named or _names(head, self._delimiter)
         words = [name for name in self.names if name and not _is_number(name)]
         if not words or (len(self.names) > 2 and len(words) == 1):  # numbers, or a title

@@ -190,6 +190,22 @@ def test_semicolons_and_decimal_commas(tmp_path: Path, point: str, word: str) ->
     )
 
 
+@pytest.mark.parametrize("delimiter", ["\t", " ", ","])
+def test_decimal_commas_between_other_delimiters(tmp_path: Path, delimiter: str) -> None:
+    """A table copied out of a spreadsheet; with commas between the columns such numbers are quoted."""
+    found = columns()
+    head, *lines = text(found, "\t").splitlines()
+    rows = [[f'"{cell}"' if delimiter == "," else cell for cell in line.split("\t")] for line in lines]
+    rows = [[cell.replace(".", ",") for cell in row] for row in rows]
+    (tmp_path / "a.csv").write_text(
+        "\n".join([head.replace("\t", delimiter), *(delimiter.join(row) for row in rows)])
+    )
+    recording = read(tmp_path / "a.csv", SCENE)
+    np.testing.assert_array_equal(recording.t, found["timestamp"])
+    np.testing.assert_array_equal(recording.q, table(found, "actual_q"))
+    assert not recording.problems
+
+
 def test_a_header_is_missed_where_commas_are_decimal(tmp_path: Path) -> None:
     lines = text(columns(), ";").replace(".", ",").splitlines()
     (tmp_path / "a.csv").write_text("\n".join(lines[1:]))
