@@ -140,7 +140,7 @@ class CsvTable:
                     f"{path}: expected CSV with a header line that names the columns, Parquet, Arrow, MCAP "
                     f"or rosbag2, got {found}: {head[:40]!r}"
                 )
-        # Spreadsheets with decimal commas write semicolons or tabs between columns, others quote such numbers.
+        # Spreadsheets with decimal commas write semicolons or tabs between columns, others quotes.
         self._delimiter = _delimiter(head)
         decimal_comma = _QUOTED_DECIMAL_COMMA if self._delimiter == "," else _DECIMAL_COMMA
         self._decimal_commas = decimal_comma.search(rest) is not None
