@@ -41,6 +41,8 @@ _TEXTS = {
     "left out: is that channel broken, or at the end of its range?",
     "late": "{field}: the times of the samples run back again and again; late ones are not used: "
     "are they sent in the wrong order, or by two clocks?",
+    "repeated": "{field}: samples have the time of the one before and are not used: is each sent twice, or "
+    "does the clock stand still?",
     "back": "{field}: the times of the samples jump back again and again, and each time the estimation "
     "begins anew: are they sent by two clocks?",
     "zero": "{field}: the reading is exactly zero in all components; it is left out: is the sensor on?",
@@ -117,7 +119,7 @@ class PushedReadings:
             if self._times.checked(t):
                 self._note("t", "back")
         except MessageError:
-            self._note("t", "late")
+            self._note("t", "repeated" if self._times.repeats(t) else "late")
             raise
 
     def _measured(self, field: str, values: np.ndarray | None, t: float, moves: bool) -> np.ndarray | None:

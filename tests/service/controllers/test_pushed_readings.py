@@ -63,6 +63,17 @@ def noisy(i: int, start: int, rng: np.random.Generator) -> Sample:
     return replace(sample, t=STEP * i, qd=0.0 * sample.qd if i < start else sample.qd, **fields)
 
 
+def test_samples_that_are_sent_twice_are_used_once() -> None:
+    """As estimates they were `degraded` by turns: a rule with `on_degraded: ignore` began again each time."""
+    readings = PushedReadings(SCENE)
+    for i in range(20):
+        assert readings.checked(moving(i)).t == moving(i).t
+        with pytest.raises(MessageError, match=r"t: expected a later time than .*, got .* again"):
+            readings.checked(moving(i))
+    (text,) = readings.trouble
+    assert text.startswith("t: samples have the time of the one before")
+
+
 @pytest.mark.parametrize("start", [400, 2000])
 @pytest.mark.parametrize("value", [0.0, 3.0])
 @pytest.mark.parametrize("field", ["joint_torque", "base_wrench", "wrist_wrench"])

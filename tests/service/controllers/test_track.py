@@ -154,6 +154,12 @@ def test_a_late_sample_is_refused_and_the_stream_goes_on(pushed: Sample) -> None
             {"field": "t", "reason": "expected a later time than 0.198 of the sample before, got 0.19"}
         ]
     }
+    again = answer(0.198)
+    assert again == {
+        "errors": [
+            {"field": "t", "reason": "expected a later time than that of the sample before, got 0.198 again"}
+        ]
+    }
     after = answer(0.2)
     assert after["contacts"][0]["id"] == before["contacts"][0]["id"]
     assert after["events"] == []
