@@ -50,8 +50,12 @@ class MessageChannel:
             self._arrived.extend(self._unframer.feed(chunk))
         return self._arrived.popleft()
 
+    def abort(self) -> None:
+        """Close the socket without waiting for the other side to read what has been sent."""
+        self._writer.transport.abort()
+
     async def close(self) -> None:
-        """Close the socket."""
+        """Close the socket when the other side has read what has been sent."""
         self._writer.close()
         with contextlib.suppress(OSError):
             await self._writer.wait_closed()
@@ -82,7 +86,9 @@ class TrackProcess:
         return self
 
     async def __aexit__(self, *_: object) -> None:
-        await self.channel.close()  # the process ends when its connection is closed
+        # The process ends when its connection is closed. It may be waiting itself, for a controller that has
+        # hung up before it had read all of its answers, and reads nothing meanwhile.
+        self.channel.abort()
         await asyncio.to_thread(self._end)
 
     def _end(self) -> None:
