@@ -76,22 +76,8 @@ def health(analysis: Analysis) -> list[tuple[bool, str]]:
         )
         return findings
     step = analysis.step
-    if not analysis.judged and step > LONGEST_FIRST_STEP:
-        findings.append(
-            (
-                False,
-                f"timestamp: expected samples at most {LONGEST_FIRST_STEP:g} s apart, got {step:.3g} s on "
-                f"average{unit_hint(step, LONGEST_FIRST_STEP)}",
-            )
-        )
-    if not analysis.judged and 0.0 < step < SHORTEST_STEP:
-        findings.append(
-            (
-                False,
-                f"timestamp: expected samples at least {SHORTEST_STEP:g} s apart, got {step:.3g} s on "
-                "average; are they in another unit than --columns says (time_unit)?",
-            )
-        )
+    if not analysis.judged and (unusable := unusable_steps(step)):
+        findings.append((False, unusable))
     if not analysis.judged and any("are they in degrees?" in problem for problem in analysis.problems):
         findings.append((False, "Positions in degrees are read with --columns angle_unit=deg."))
     if analysis.judged and step > LONG_STEP:
@@ -113,6 +99,26 @@ def health(analysis: Analysis) -> list[tuple[bool, str]]:
         advice = "" if well else " Calibrate on contact-free motion, or state more noise."
         findings.append((well, f"{name}: residuals without contact in standard deviations: {text}.{advice}"))
     return findings
+
+
+def unusable_steps(step: float) -> str:
+    """What is wrong with the usual time between two samples of which none could be used, and the likely
+    reason; empty if it is not the time.
+
+    Args:
+        step: That time as read [s].
+    """
+    if step > LONGEST_FIRST_STEP:
+        return (
+            f"timestamp: expected samples at most {LONGEST_FIRST_STEP:g} s apart, got {step:.3g} s on "
+            f"average{unit_hint(step, LONGEST_FIRST_STEP)}"
+        )
+    if 0.0 < step < SHORTEST_STEP:
+        return (
+            f"timestamp: expected samples at least {SHORTEST_STEP:g} s apart, got {step:.3g} s on average; "
+            "are they in another unit than --columns says (time_unit)?"
+        )
+    return ""
 
 
 def _ratios(analysis: Analysis) -> list[tuple[str, tuple[str, ...], np.ndarray]]:

@@ -20,6 +20,7 @@ from contactsense.service.analysis.fleet.segment_problems import own_problems
 from contactsense.service.analysis.fleet.segments import Segment
 from contactsense.service.analysis.followed_rows import FollowedRows
 from contactsense.service.analysis.friction_residuals import FrictionResiduals
+from contactsense.service.analysis.health import unusable_steps
 from contactsense.service.analysis.present_sensors import absent_sensors, without_sensors
 from contactsense.service.analysis.residual_statistics import ResidualStatistics
 from contactsense.service.recordings import RecordingError, RecordingFile
@@ -117,12 +118,15 @@ def _analyze(file: RecordingFile, segment: Segment, run: AnalysisRun) -> tuple[d
     found = statistics.summary()
     base, torque = run.biases
     change = friction.fit()
+    # A contact of which the beginning was not found is no reason to doubt the scene.
+    complaints = list(run.complaints if is_known else run.localizer.refusals)
+    if not (contacts or found.usable) and (unusable := unusable_steps(_usual_step(t))):
+        complaints.append(unusable)
     result = {
         "seconds": _without_gaps(np.maximum(np.diff(t), 0.0)) if contacts or found.usable else 0.0,
         "samples": len(t),
         "problems": own_problems(run.extent.problems, segment.first, segment.last),
-        # A contact of which the beginning was not found is no reason to doubt the scene.
-        "complaints": list(run.complaints if is_known else run.localizer.refusals),
+        "complaints": complaints,
         "free": found.free,
         "usable": found.usable,
         "touched": found.touched,
@@ -137,6 +141,11 @@ def _analyze(file: RecordingFile, segment: Segment, run: AnalysisRun) -> tuple[d
     table = contact_table(contacts)
     names = pa.array([segment.file.name] * table.num_rows, pa.string())
     return result, table.set_column(0, table.schema.field(0), names)
+
+
+def _usual_step(t: np.ndarray) -> float:
+    """Usual time between two samples [s], 0 of a single one; t: their times, shape (N,) [s]."""
+    return float(np.median(np.diff(t))) if len(t) > 1 else 0.0
 
 
 def _without_gaps(step: np.ndarray) -> float:

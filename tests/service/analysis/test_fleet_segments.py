@@ -130,3 +130,16 @@ def test_segments_of_recordings_with_dates_or_another_unit(tmp_path: Path, unit:
     pa_parquet.write_table(table, tmp_path / "one.parquet")
     (file,) = find_recordings((tmp_path / "one.parquet",))
     assert len(list(segments(file, 30.0))) == count
+
+
+def test_times_in_milliseconds_are_told(tmp_path: Path) -> None:
+    """Of a pile of recordings without a usable sample, what is wrong with them all."""
+    (tmp_path / "robot=a").mkdir()
+    path = write_motion(demo(), tmp_path / "robot=a" / "one.parquet", last=500)
+    table = pa_parquet.read_table(path)
+    milliseconds = 1000.0 * table["timestamp"].to_numpy()
+    pa_parquet.write_table(table.set_column(0, "timestamp", [milliseconds]), path)
+    (tmp_path / "scene.yaml").write_text("robot: ur5e\n")
+    summary = analyze_fleet((tmp_path,), tmp_path / "scene.yaml", tmp_path / "out")
+    assert summary.unjudged
+    assert any("got 2 s on average; is another unit meant" in problem for problem in summary.problems)
