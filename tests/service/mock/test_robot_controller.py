@@ -261,3 +261,14 @@ def test_contact_points_off_the_surface_and_obstacles_in_the_arm_are_refused():
     floor = {"kind": "half_space", "point": [0.0, 0.0, 0.3], "normal": [0.0, 0.0, 1.0]}
     with pytest.raises(ScriptError, match=r"obstacles\[0\]: expected to be clear .* deep in the half_space"):
         robot(obstacles=[floor])
+
+
+def test_a_normal_that_points_into_the_link_is_refused():
+    """A push along it would be a pull, which no estimate explains."""
+    contact = {
+        "link": "forearm", "point": [-0.1747, 0.0373, 0.0095], "start": 0.1, "duration": 1.0,
+    }  # fmt: skip
+    robot(contacts=[contact | {"normal": [0.0, 0.3, 1.0], "push": 20.0}])  # as at an edge
+    robot(contacts=[contact | {"force_link": [0.0, 20.0, 0.0]}])  # a pull that is meant
+    with pytest.raises(ScriptError, match=r"contacts\[0\]\.normal: expected the outward normal .* inward"):
+        robot(contacts=[contact | {"normal": [0.0, -1.0, -0.1], "push": 20.0}])
