@@ -29,6 +29,8 @@ _UTF16 = (b"\xff\xfe", b"\xfe\xff")
 """The first bytes of a text in UTF-16, such as the "Unicode text" of spreadsheets."""
 _BEFORE_HEADER = re.compile(rb"(?:\xef\xbb\xbf)?(?:[ \t]*\r?\n|\"?sep=.\"?\r?\n)*")
 """The mark with which spreadsheets begin a text in UTF-8, empty lines, and one that names the delimiter."""
+_LONGEST_CELL = 40
+"""A longer cell is cut in messages."""
 _BLANKS, _EDGES = re.compile(rb"[ \t]+"), re.compile(rb"^ | (?=\r?$)", re.MULTILINE)
 _COMMENT = re.compile(r"[#%]+\s*")
 """What NumPy and MATLAB write before a header."""
@@ -224,13 +226,13 @@ class CsvTable:
         bad = {name: _words(cells[name], columns[name]) for name in names}
         rows = set[int].intersection(*bad.values())  # such as units below the header
         for begin, end in _runs(rows):
-            words = ", ".join(repr(cells[name][begin]) for name in names[:3]) + ", ..." * (len(names) > 3)
+            words = ", ".join(_quoted(cells[name][begin]) for name in names[:3]) + ", ..." * (len(names) > 3)
             self._report(first + begin, first + end, f"expected numbers, got {words}; row ignored")
         for name in names:
             for begin, end in _runs(bad[name] - rows):
                 cell = cells[name][begin]
                 dates = ", or dates as 2026-03-31T12:00:00.002" if _DATE.search(cell or "") else ""
-                message = f"{name}: expected numbers{dates}, got {cell!r}"
+                message = f"{name}: expected numbers{dates}, got {_quoted(cell)}"
                 self._report(first + begin, first + end, message)
         return columns
 
@@ -242,6 +244,11 @@ class CsvTable:
 
     def _report(self, row_from: int, row_to: int, message: str) -> None:
         self.problems.append(Problem(row_from, row_to, "bad_row", message))
+
+
+def _quoted(cell: str | None) -> str:
+    """A cell in quotes, of a long one the beginning: zeros at the end of a file may be one."""
+    return repr(cell) if cell is None or len(cell) <= _LONGEST_CELL else f"{cell[:_LONGEST_CELL]!r}..."
 
 
 def _delimiter(line: str) -> str:

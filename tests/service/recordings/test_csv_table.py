@@ -173,6 +173,14 @@ def test_what_is_no_text_is_not_printed(tmp_path: Path) -> None:
         read(tmp_path / "a.csv", SCENE)
 
 
+def test_zeros_at_the_end_of_a_file_are_not_printed_at_length(tmp_path: Path) -> None:
+    """They are left where the power failed while a program wrote: the message had 16 kB."""
+    (tmp_path / "a.csv").write_bytes(text(columns()).encode().rstrip() + 4096 * b"\0")
+    (line,) = problem_lines(read(tmp_path / "a.csv", SCENE).problems)
+    assert line.startswith("row 49: base_wrench_5: expected numbers, got ")
+    assert len(line) < 250
+
+
 @pytest.mark.parametrize("point", [".", ","])
 @pytest.mark.parametrize("word", ["", "oops"])
 def test_semicolons_and_decimal_commas(tmp_path: Path, point: str, word: str) -> None:
