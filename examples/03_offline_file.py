@@ -17,16 +17,24 @@ from contactsense.service.mock.script import Script
 from contactsense.service.mock.simulated_arm import simulate
 from contactsense.service.recordings import RecordingError, read
 from contactsense.service.recordings.export import write_columns
+from contactsense.service.recordings.problem_lines import problem_lines
 
 
-def report(recording: Path, scene: Scene) -> None:
-    """Print each contact of a recording: when, where, how hard."""
+def report(path: Path, scene: Scene) -> None:
+    """Print each contact of a recording: when, where, how hard; and what is wrong with the recording.
+
+    Without a usable sample, no contact does not mean that nothing touched the arm.
+    """
     localizer = Localizer(scene)
+    recording = read(path, scene)
     begun: dict[int, float] = {}  # number of the contact -> when it began [s]
     ended: dict[int, float] = {}  # the same -> when it ended [s]; the last time, as a contact may resume
     strongest: dict[int, Contact] = {}  # the same -> its estimate under the largest force
     # `run` starts a new stream and yields one estimate per sample, which need not be kept.
-    for estimate in localizer.run(read(recording, scene).samples()):
+    usable, reason = 0, ""
+    for estimate in localizer.run(recording.samples()):
+        usable += estimate.status != "degraded"
+        reason = estimate.reason or reason
         for contact in estimate.contacts[:1]:
             before = strongest.get(contact.id)
             if before is None or force(contact) > force(before):
@@ -42,8 +50,11 @@ def report(recording: Path, scene: Scene) -> None:
             f"{begun[number]:7.3f} to {end:7.3f} s  {best.link:10} "
             f"{force(best):5.1f} N at {np.round(best.point, 3)} m in the link's frame"
         )
+    for problem in (*problem_lines(recording.problems), *localizer.refusals, localizer.doubt):
+        if problem:
+            print(f"check: {problem}")
     if not ended:
-        print("no contact has ended")
+        print("no contact has ended" if usable else f"no sample could be used: {reason}")
 
 
 def force(contact: Contact) -> float:

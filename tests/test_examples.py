@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import contactsense
@@ -56,6 +57,18 @@ def test_offline_file() -> None:
     lines = _run("03_offline_file.py").splitlines()
     assert len(lines) == 8
     assert all(" N at " in line for line in lines)
+
+
+def test_an_offline_file_in_milliseconds_is_not_said_to_be_without_contact(tmp_path: Path) -> None:
+    rows = np.column_stack([2.0 * np.arange(200), np.zeros((200, 12)), np.zeros((200, 6)), np.ones((200, 6))])
+    groups = ("actual_q", "actual_qd", "joint_torque", "base_wrench")
+    head = ",".join(["timestamp", *(f"{name}_{i}" for name in groups for i in range(6))])
+    np.savetxt(tmp_path / "ms.csv", rows, delimiter=",", header=head, comments="")
+    scene = str(ROOT / "examples" / "cells" / "base_sensor.yaml")
+    out = _run("03_offline_file.py", str(tmp_path / "ms.csv"), scene)
+    assert "no sample could be used: " in out
+    assert "t: expected at most 0.15 s from one sample to the next, got 2 s" in out
+    assert "no contact" not in out
 
 
 @pytest.mark.parametrize("name", ["02_live_loop.py", "03_offline_file.py"])
