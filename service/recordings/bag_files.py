@@ -59,13 +59,25 @@ class BagFile:
             )
         self._columns = self._joint_columns(joint, mapping, [j.name for j in scene.robot.joints])
         t = self._columns["timestamp"]
+        sensors = {column_of(field) for field in scene.link_sensors}
+        sensors |= {"base_wrench"} if scene.base_wrench is not None else set()
         for prefix, topic in topics.items():
             came = messages.get(topic, [])
             if came and hasattr(came[0], "header") and hasattr(came[0], "wrench"):
-                at_rows = readings_at(t, *_wrenches(came))
+                stamps, values = _wrenches(came)
+                at_rows = readings_at(t, stamps, values)
+                if prefix in sensors and np.isnan(at_rows).all():
+                    self._report_sensor(
+                        f"{topic}: expected stamps within those of {mapping.joint_states}, {_span(t)}, got "
+                        f"{_span(stamps)}: are the clocks set differently, or header.stamp not at all?"
+                    )
                 self._columns |= {f"{prefix}_{i}": at_rows[:, i] for i in range(6)}
             elif came or f"{prefix}_topic" in mapping.model_fields_set:
                 raise RecordingError(f"{path}: expected WrenchStamped messages on {topic}, found {listed}")
+            elif prefix in sensors:
+                named = f"{prefix}_topic" in ColumnMapping.model_fields
+                advice = f"; --columns {prefix}_topic=TOPIC names another topic" if named else ""
+                self._report_sensor(f"no WrenchStamped messages on {topic}, found {listed}{advice}")
         self.names, self.others = list(self._columns), list[str]()
         self.rows: int | None = len(t)
 
@@ -74,6 +86,9 @@ class BagFile:
     ) -> Iterator[tuple[int, Columns]]:
         """The whole table at once."""
         yield 0, {name: self._columns[name] for name in names}
+
+    def _report_sensor(self, message: str) -> None:
+        self.problems.append(Problem(0, 0, "missing_sensor", message))
 
     def _messages(self, wanted: tuple[str, ...]) -> tuple[dict[str, list[Any]], dict[str, str]]:
         try:
@@ -147,7 +162,13 @@ class BagFile:
                 f"{', '.join(mapping.joint_names or arm)}, got {got}; joint_names: [A, B] in a YAML file for "
                 "--columns names them in the order of the arm"
             )
-        columns: Columns = {"timestamp": np.array([_stamp(m) for m, _ in chosen])}
+        t = np.array([_stamp(m) for m, _ in chosen])
+        if len(t) > 1 and (t == t[0]).all():
+            raise RecordingError(
+                f"{self._path}: {mapping.joint_states}: expected messages whose header.stamp rises, got "
+                f"{t[0]:.3f} s in all {len(t)}; set it to the time of the measurement"
+            )
+        columns: Columns = {"timestamp": t}
         parts = (("actual_q", "position"), ("actual_qd", "velocity"), ("joint_torque", "effort"))
         for prefix, field in parts:
             rows = [_values(message, field, order) for message, order in chosen]
@@ -169,6 +190,10 @@ def _values(message: Any, field: str, order: list[int]) -> np.ndarray:
 
 def _stamp(message: Any) -> float:
     return float(message.header.stamp.sec) + 1e-9 * float(message.header.stamp.nanosec)
+
+
+def _span(stamps: np.ndarray) -> str:
+    return f"{stamps.min():.3f} to {stamps.max():.3f} s"
 
 
 def _wrenches(messages: list[Any]) -> tuple[np.ndarray, np.ndarray]:

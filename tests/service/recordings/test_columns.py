@@ -31,8 +31,8 @@ from tests.service.recordings.tables import (
 
 
 def test_a_file_without_a_time_that_is_a_number_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "a.csv").write_text(text(columns(), "\t").replace(".", ","))
-    with pytest.raises(RecordingError, match=r"got none: rows 0 to 49: expected numbers, got '100,0\d+', '"):
+    (tmp_path / "a.csv").write_text(text(columns(), "\t").replace(".", ":"))
+    with pytest.raises(RecordingError, match=r"got none: rows 0 to 49: expected numbers, got '100:0\d+', '"):
         read(tmp_path / "a.csv", SCENE)
 
 
