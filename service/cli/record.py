@@ -29,7 +29,7 @@ from contactsense.service.recordings.problem_lines import problem_lines
 from contactsense.service.recordings.recorder import Recorder
 from contactsense.service.recordings.segment_writer import Rotation
 from contactsense.service.sensors.live_source import LiveSource
-from contactsense.service.sensors.robot_stream import SensorError
+from contactsense.service.sensors.robot_stream import SensorError, StreamHealth
 from contactsense.service.viewer.service_calls import LiveError, ServiceCalls
 
 
@@ -156,6 +156,7 @@ def _run(live: LiveSource, recorder: Recorder, seconds: float | None, out: Path)
     click.echo(
         f"{recorder.rows} samples and {recorder.readings} force/torque readings in {_files(len(files))} in "
         f"{out} ({size:.1f} MB), {health.losses or 0} lost"
+        + _interruptions(health.robot)
         + (
             f"; the oldest were removed to keep --disk-limit-mb: {_files(recorder.removed)}"
             if recorder.removed
@@ -164,6 +165,14 @@ def _run(live: LiveSource, recorder: Recorder, seconds: float | None, out: Path)
     )
     if recorder.rows == 0:
         raise click.ClickException(f"nothing was recorded: {health.trouble or 'no samples arrived'}")
+
+
+def _interruptions(robot: StreamHealth) -> str:
+    """What is missing beside what was lost: a controller that starts anew begins its clock anew, so that
+    nobody knows how many samples there would have been."""
+    if robot.connections < 2:
+        return ""
+    return f"; the robot had to be connected {robot.connections} times ({robot.error})"
 
 
 def _files(count: int) -> str:

@@ -19,7 +19,7 @@ from contactsense.service.live.scheduling import RECORDER
 from contactsense.service.mock.script import Script
 from contactsense.service.mock.simulated_arm import Motion, simulate
 from contactsense.service.recordings import read
-from contactsense.service.sensors.robot_stream import SensorError
+from contactsense.service.sensors.robot_stream import SensorError, StreamHealth
 from tests.service.loopback import own_address
 from tests.service.simulated_devices import SimulatedDevices, in_own_process
 from tests.service.test_commands import run
@@ -52,6 +52,14 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[object]:
     monkeypatch.setattr(command, "prioritize", made.append)
     monkeypatch.setattr(command, "prefer_low_latency", lambda: made.append("low latency"))
     return made
+
+
+def test_an_outage_is_in_the_summary() -> None:
+    """Where a controller starts anew its clock does, too, and no sample counts as lost."""
+    assert command._interruptions(StreamHealth(connections=1)) == ""
+    error = "the robot has closed the connection"
+    again = StreamHealth(connections=3, error=error)
+    assert command._interruptions(again) == f"; the robot had to be connected 3 times ({error})"
 
 
 @pytest.mark.slow
