@@ -29,7 +29,7 @@ class Problem:
     row_from: int
     """First affected row, counted from 0 in the file, without the header."""
     row_to: int
-    """Row after the last affected one."""
+    """Row after the last affected one; 0 if the problem is one of the file as a whole."""
     kind: Kind
     message: str
     size: float = 0.0
@@ -43,4 +43,6 @@ class Problem:
         return f"{self.row_from}" if last <= self.row_from else f"{self.row_from} to {last}"
 
     def __str__(self) -> str:
+        if self.row_to == 0:  # of the file as a whole
+            return self.message
         return f"{'row' if self.row_to - 1 <= self.row_from else 'rows'} {self.rows}: {self.message}"

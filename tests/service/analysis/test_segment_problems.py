@@ -31,7 +31,7 @@ def test_where_a_file_is_cut_does_not_change_what_is_said_of_it() -> None:
     ]
     whole = _lines(problems, [0])
     assert whole == (
-        "row 0: no column joint_torque_0",
+        "no column joint_torque_0",
         "rows 5 to 39, 45 (2 places): base_wrench is missing or not finite",
         "rows 9, 10, 19 (3 places): a gap of 1.000 s before this row",
         "row 50: the file ends within a batch",
