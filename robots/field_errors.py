@@ -43,6 +43,8 @@ _WORDS = {
     "string_pattern_mismatch": "expected text that matches {pattern}",
 }
 """Type of one of pydantic's errors -> message, where pydantic's own does not speak of fields."""
+_NULLABLE = {"model_type", "model_attributes_type", "dict_type"}
+"""Types of errors about a part that an optional field may have: how to write that there is none is told."""
 _COMPLETE = {"missing", "value_error", "union_tag_invalid", "union_tag_not_found", "too_short", "too_long"}
 """Types whose messages say what was given, or that nothing was."""
 _SHORT = reprlib.Repr()
@@ -115,6 +117,8 @@ def _message(issue: Mapping[str, Any], annotation: Any) -> str:
     if issue["type"] == "extra_forbidden":
         *location, name = issue["loc"]
         near = _meant(str(name), find(annotation, location), annotation)
+    if issue["type"] in _NULLABLE and find(annotation, issue["loc"]).may_be_null:
+        near = ", or null for none"
     return words.format(**issue.get("ctx", {})) + near
 
 

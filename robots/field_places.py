@@ -24,7 +24,9 @@ class Found(NamedTuple):
     place: Place
     """The path as the user wrote it."""
     types: tuple[Any, ...]
-    """Types that the value there may have."""
+    """Types that the value there may have, apart from null."""
+    may_be_null: bool
+    """Whether there may be no value."""
 
     @property
     def fields(self) -> set[str]:
@@ -48,16 +50,16 @@ def find(annotation: Any, location: Iterable[str | int]) -> Found:
         location: Path with the names of branches.
     """
     place: list[str | int] = []
+    here = [annotation]
     branches = _branches(annotation)
     for step in location:
         if len(branches) > 1:
             branches = [branch for branch in branches if _is_meant(branch, step)] or branches[:1]
             continue
         place.append(step)
-        branches = [
-            branch for at in branches for inner in _within(at.type, step) for branch in _branches(inner)
-        ]
-    return Found(tuple(place), tuple(branch.type for branch in branches))
+        here = [inner for at in branches for inner in _within(at.type, step)]
+        branches = [branch for inner in here for branch in _branches(inner)]
+    return Found(tuple(place), tuple(branch.type for branch in branches), any(map(_may_be_null, here)))
 
 
 def places_of(annotation: Any, name: str) -> tuple[Place, ...]:
@@ -81,6 +83,14 @@ def _branches(annotation: Any, label: str | None = None) -> list[_Branch]:
             branch for part in get_args(annotation) if part is not type(None) for branch in _branches(part)
         ]
     return [_Branch(annotation, label)]
+
+
+def _may_be_null(annotation: Any) -> bool:
+    if get_origin(annotation) is Annotated:
+        return _may_be_null(get_args(annotation)[0])
+    return get_origin(annotation) in (Union, UnionType) and any(
+        part is type(None) or _may_be_null(part) for part in get_args(annotation)
+    )
 
 
 def _is_meant(branch: _Branch, step: str | int) -> bool:

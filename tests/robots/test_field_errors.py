@@ -104,6 +104,19 @@ def test_words(given: dict[str, Any], words: str) -> None:
     assert describe(refused.value, Whole) == words
 
 
+@pytest.mark.parametrize(("given", "told"), [("none", "'none'"), (False, "false"), (3, "3")])
+def test_how_to_write_that_there_is_none_is_told(given: object, told: str) -> None:
+    class Cell(BaseModel):
+        sensor: Ball | None = None
+        arm: Ball
+
+    with pytest.raises(ValidationError) as refused:
+        Cell.model_validate({"sensor": given, "arm": given})
+    sensor, arm = describe(refused.value, Cell).split("; ")
+    assert sensor == f"sensor: expected fields, or null for none, got {told}"
+    assert arm == f"arm: expected fields, got {told}"
+
+
 def test_a_field_as_the_user_writes_it() -> None:
     with pytest.raises(ValidationError) as refused:
         Whole.model_validate({"named": {"a": {"radius": 0}}})
