@@ -104,7 +104,8 @@ class Recorded:
 def played(scene: Scene, feed: Recorded, readings: np.ndarray, checked: bool) -> list[Sample]:
     samples: list[Sample] = []
     base = registers(0, feed.base_wrench)
-    with MockServers(feed, MOCK, fields=base | registers(6, readings)) as servers:
+    fields = base | registers(6, readings)
+    with MockServers(feed, MOCK, fields=fields, clock=waiting_clock()) as servers:
         settings = SourceSettings(
             servers.rtde.host,
             servers.rtde.port,
@@ -114,6 +115,7 @@ def played(scene: Scene, feed: Recorded, readings: np.ndarray, checked: bool) ->
         )
         with LiveSource(scene, settings) as source:
             last = feed.samples[-2].t
+            start_when_connected(servers, source)
             assert until(lambda: samples.extend(source.poll(0.1)) or samples[-1].t >= last)
     return samples
 
