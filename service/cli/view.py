@@ -15,7 +15,7 @@ from contactsense.service.cli.option_names import refusal
 from contactsense.service.free_ports import reason
 from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError, scene_in
 from contactsense.service.viewer import READY
-from contactsense.service.viewer.analysis_source import AnalysisSource, is_analysis
+from contactsense.service.viewer.analysis_source import AnalysisSource, is_analysis, tables_instead
 from contactsense.service.viewer.live_source import LiveSource
 from contactsense.service.viewer.recorded_source import RecordedSource
 from contactsense.service.viewer.service_calls import LiveError, ServiceCalls
@@ -24,6 +24,8 @@ from contactsense.service.viewer.viewer import PageServer, Viewer, run, serve_pa
 URL = "http://127.0.0.1:8000"
 LOCAL = ("127.0.0.1", "localhost", "::1")
 """Addresses that other computers cannot reach."""
+NAMED = 3
+"""Tables that a message names."""
 LESS_URGENT = 5
 """Added to the niceness of a viewer that runs beside its service."""
 
@@ -126,9 +128,13 @@ def _give_way(url: str) -> None:
 def _recorded(file: Path, scene: Scene | None, mapping: ColumnMapping) -> RecordedSource | AnalysisSource:
     if is_analysis(file):
         return AnalysisSource(file, scene)
-    table = (file if file.is_dir() else file.parent) / "contacts.parquet"
-    if (file.is_dir() or file.name == "contacts.csv") and is_analysis(table):
-        raise click.ClickException(f"{file}: expected the table of the contacts, {table}")
+    tables = tables_instead(file)
+    if tables:
+        named, more = [str(table) for table in tables[:NAMED]], len(tables) - NAMED
+        if more > 0:
+            named.append("1 other" if more == 1 else f"{more} others")
+        what = "the table of the contacts" if len(tables) == 1 else "one table of contacts"
+        raise click.ClickException(f"{file}: expected {what}, {' or '.join(named)}")
     scene = scene_in(file) if scene is None else scene
     click.echo(f"{file}: the estimates are being computed", err=True)
     source = RecordedSource(file, scene, mapping)

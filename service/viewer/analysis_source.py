@@ -17,6 +17,15 @@ from contactsense.service.viewer.frame import TRACKS, Forces, Frame
 from contactsense.types import Contact, Estimate
 
 _NEEDED = [field.name for field in SCHEMA if field.name not in ("smoothed",)]
+_BESIDE = (
+    "contacts.csv", "report.html", "report.md", "estimates.parquet",
+    "fleet.html", "fleet.md", "robots.parquet", "days.parquet",
+)  # fmt: skip
+"""Files that an analysis writes beside its table."""
+_PARTS = "contacts/robot=*/date=*/part-0.parquet"
+"""The tables of a dataset."""
+_RECORDINGS = (".parquet", ".arrows", ".mcap", ".db3")
+"""Endings of the files that a folder may contain as a recording."""
 _NO_FORCES = Forces(np.empty(0), np.empty((0, TRACKS)))
 
 
@@ -27,6 +36,25 @@ def is_analysis(path: Path) -> bool:
     except (OSError, pa.ArrowInvalid):
         return False
     return {"peak_time", "point_base_x", "q"}.issubset(names)
+
+
+def tables_instead(path: Path) -> list[Path]:
+    """Tables of contacts in the folder of one or several analyses, or beside a file that one wrote; none for
+    any other path."""
+    patterns: tuple[str, ...]
+    if path.is_file():
+        folder = path.parent
+        patterns = ("contacts.parquet", _PARTS) if path.name in _BESIDE else ()
+    elif (path / "contacts.parquet").is_file():
+        folder, patterns = path, ("contacts.parquet",)
+    else:
+        folder = path
+        recordings = (
+            each for each in path.glob("*") if each.suffix in _RECORDINGS and each.name not in _BESIDE
+        )
+        patterns = () if any(recordings) else ("**/contacts.parquet", f"**/{_PARTS}", "**/part-0.parquet")
+    found = {file for pattern in patterns for file in folder.glob(pattern)}
+    return sorted(file for file in found if is_analysis(file))
 
 
 class AnalysisSource:
@@ -98,8 +126,17 @@ def _scene_of(recording: str, table: Path) -> Scene:
         (each for each in (table.parent / path, path, table.parent / path.name) if each.is_file()), None
     )
     if found is None:
-        raise RecordingError(f"{table}: its recording {recording} is not here; --scene names the scene")
+        raise RecordingError(
+            f"{table}: its recording {recording} is not here; --scene names the scene{_carried_scene(table)}"
+        )
     return scene_in(found)
+
+
+def _carried_scene(table: Path) -> str:
+    """Where the analysis of a dataset kept the scene that the recordings of this table's robot carry."""
+    robot = table.absolute().parents[1].name.removeprefix("robot=")
+    kept = [up.parent / "scenes" / f"{robot}.yaml" for up in table.parents if up.name == "contacts"]
+    return f", such as {kept[0]}" if kept and kept[0].is_file() else ""
 
 
 def _name(row: dict[str, Any]) -> str:

@@ -17,7 +17,7 @@ from contactsense.service.cli.lazy import missing
 from contactsense.service.cli.view import view
 from contactsense.service.recordings import RecordingError
 from contactsense.service.recordings.metadata import metadata
-from contactsense.service.viewer.analysis_source import AnalysisSource, is_analysis
+from contactsense.service.viewer.analysis_source import AnalysisSource, is_analysis, tables_instead
 from contactsense.service.viewer.viewer import Viewer, serve_page
 from tests.service.analysis.recordings import demo, write_motion
 from tests.service.viewer.estimates import POSTURE, contact
@@ -117,6 +117,36 @@ def test_the_folder_of_an_analysis_is_not_taken_for_a_recording(table: Path) -> 
         result = CliRunner().invoke(view, [str(name)])
         assert result.exit_code == 1
         assert f"{name}: expected the table of the contacts, {table}" in result.output
+
+
+def test_the_tables_of_several_analyses_are_named(table: Path, tmp_path: Path) -> None:
+    """Where several recordings or a dataset were analysed, folders and reports are no recordings."""
+    results, fleet = tmp_path / "results", tmp_path / "fleet"
+    tables = [results / f"run{number}" / "contacts.parquet" for number in (1, 2, 3, 4)]
+    part = fleet / "contacts" / "robot=a" / "date=unknown" / "part-0.parquet"
+    for copy in (*tables, part):
+        copy.parent.mkdir(parents=True)
+        copy.write_bytes(table.read_bytes())
+    named = " or ".join(map(str, tables[:3]))
+    expected = {
+        results: f"expected one table of contacts, {named} or 1 other",
+        tables[0].with_name("report.html"): f"expected the table of the contacts, {tables[0]}",
+        fleet: f"expected the table of the contacts, {part}",
+        fleet / "contacts": f"expected the table of the contacts, {part}",
+        fleet / "robots.parquet": f"expected the table of the contacts, {part}",
+    }
+    for file in (tables[0].with_name("report.html"), fleet / "robots.parquet"):
+        file.touch()
+    for path, text in expected.items():
+        assert f"{path}: {text}\n" in CliRunner().invoke(view, [str(path)]).output
+    (results / "a.parquet").touch()
+    assert tables_instead(results) == []  # a recording beside its analyses
+    with pytest.raises(RecordingError, match=r"--scene names the scene$"):
+        AnalysisSource(part, None)
+    (fleet / "scenes").mkdir()
+    (fleet / "scenes" / "a.yaml").touch()
+    with pytest.raises(RecordingError, match=r"--scene names the scene, such as .*scenes.a.yaml$"):
+        AnalysisSource(part, None)
 
 
 def test_contacts_of_an_analysis_are_shown_as_they_were_found(table: Path) -> None:
