@@ -7,6 +7,7 @@ the environment.
 import contextlib
 from collections.abc import AsyncIterator, Callable
 from importlib.metadata import version
+from typing import Any
 
 from fastapi import Depends, FastAPI
 from fastapi.responses import RedirectResponse
@@ -25,7 +26,7 @@ from contactsense.service.api import (
     track,
     xmlrpc,
 )
-from contactsense.service.api.access import Access
+from contactsense.service.api.access import OPEN_PATHS, Access
 from contactsense.service.api.ending import Ending
 from contactsense.service.api.exposure import access_rules
 from contactsense.service.api.head import Head
@@ -117,6 +118,7 @@ def create_app(
         async with service.running():
             yield
 
+    rules = access_rules(settings)
     app = FastAPIOffline(
         title="contactsense",
         version=version("contactsense"),
@@ -126,6 +128,8 @@ def create_app(
         static_url="/docs/assets",
         redoc_url=None,
     )
+    if rules.token is not None:
+        _describe_token(app)
     app.state.service = service
     app.router.responses.update(errors.COMMON_REFUSALS)
     app.add_api_route("/", _to_description, include_in_schema=False)
@@ -134,10 +138,25 @@ def create_app(
     app.router.default = UnknownPath(app.routes)
     errors.install(app)
     app.add_middleware(Limits, limits=service.limits, refused=service.refused)
-    app.add_middleware(Access, rules=access_rules(settings))
+    app.add_middleware(Access, rules=rules)
     app.add_middleware(Ending)
     app.add_middleware(Head)
     return app
+
+
+def _describe_token(app: FastAPI) -> None:
+    """Describe the token, too, so that `/docs` asks for it and clients made from the description send it."""
+    described = app.openapi
+
+    def openapi() -> dict[str, Any]:
+        found = described()
+        found["components"]["securitySchemes"] = {"token": {"type": "http", "scheme": "bearer"}}
+        for path, operations in found["paths"].items():
+            for operation in operations.values() if not path.startswith(OPEN_PATHS) else ():
+                operation["security"] = [{"token": []}]
+        return found
+
+    app.openapi = openapi  # type: ignore[method-assign]
 
 
 async def _to_description() -> RedirectResponse:

@@ -34,8 +34,12 @@ _NO_SAMPLES: Responses = {
 class ClipIn(RequestBody):
     """Time span of a clip."""
 
-    before: float | None = Field(None, gt=0.0, description="Time before now [s]; default: the service's.")
-    after: float | None = Field(None, gt=0.0, description="Time after now [s]; default: the service's.")
+    before: float | None = Field(
+        None, gt=0.0, description="Time before now [s]; default: the service's.", examples=[20.0]
+    )
+    after: float | None = Field(
+        None, gt=0.0, description="Time after now [s]; default: the service's.", examples=[5.0]
+    )
     reason: str = Field("", max_length=500, description="Why; goes into the file's metadata.")
 
 
@@ -57,19 +61,19 @@ class ClipsOut(BaseModel):
     """Clips in the folder, and those that are being recorded or have failed; the latest last."""
 
     folder: str = Field(description="Where the files are, on the service's host.")
-    clips: list[ClipOut]
+    clips: list[ClipOut] = Field(description="The clips.")
 
 
 class RecordingIn(RequestBody):
     """Start or stop a recording."""
 
-    on: bool
+    on: bool = Field(description="true: start, or go on; false: stop.")
 
 
 class RecordingOut(BaseModel):
     """The recording on the service's host."""
 
-    folder: str
+    folder: str = Field(description="Where the files are, on the service's host.")
     on: bool = Field(
         description="Whether it goes on; also while files cannot be written, since that is tried again."
     )

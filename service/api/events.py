@@ -20,7 +20,7 @@ _BATCH = 200
 class EventsOut(BaseModel):
     """Events of the journal, oldest first."""
 
-    events: list[ContactEvent]
+    events: list[ContactEvent] = Field(description="The events.")
     last: int = Field(
         description="Number of the newest event in the journal, listed here or not. If it is less than the "
         "request's `since`, that number is of another journal, and events are listed from the first on."
@@ -42,9 +42,9 @@ def _body(events: Sequence[str], last: int) -> str:
 @router.get("/v1/events", summary="Events of contacts", response_model=EventsOut)
 async def events(
     journal: SharedJournal,
-    since: Annotated[int, Query(ge=0, le=2**62)] = 0,
-    limit: Annotated[int, Query(ge=1, le=10_000)] = 500,
-    kind: Annotated[list[Kind] | None, Query()] = None,
+    since: Annotated[int, Query(ge=0, le=2**62, description="Number of the last event that is known.")] = 0,
+    limit: Annotated[int, Query(ge=1, le=10_000, description="How many events at most.")] = 500,
+    kind: Annotated[list[Kind] | None, Query(description="Kinds of events; default: all.")] = None,
 ) -> Response:
     """Events after number `since`, oldest first, at most `limit`; of the given kinds, by default of all.
 

@@ -15,6 +15,17 @@ from contactsense.service.api.messages import ErrorOut, EstimateOut, EstimatesOu
 from contactsense.service.api.service import Shared
 from contactsense.service.live.locate_process import LocateError
 
+PUSH = {
+    "q": [0.0, -1.3, 1.6, -1.9, -1.57, 0.0],
+    "base_wrench": [5.88, 2.35, -18.97, -1.13, -2.26, -0.63],
+    "joint_torque": [0.63, -3.22, -3.47, 0.0, 0.0, 0.0],
+}
+EXAMPLES = {
+    "one": {"summary": "A UR5e whose forearm is pushed with 20 N", "value": PUSH},
+    "several": {"summary": "Several samples", "value": {"samples": [PUSH, PUSH], "external": True}},
+}
+"""Requests in the description. Those that are made from the fields have a single joint, which no arm has."""
+
 router = APIRouter(route_class=JsonRoute)
 
 
@@ -22,6 +33,7 @@ router = APIRouter(route_class=JsonRoute)
     "/v1/locate",
     summary="Locate contacts in samples of an arm at rest",
     response_model=EstimateOut | EstimatesOut,
+    openapi_extra={"requestBody": {"content": {"application/json": {"examples": EXAMPLES}}}},
     responses={
         **BODY_REFUSALS,
         503: {"model": ErrorOut, "description": "Too many requests wait already: try again later."},

@@ -182,7 +182,7 @@ class LostOut(BaseModel):
 class LinkOut(BaseModel):
     """A rigid body of the arm."""
 
-    name: str
+    name: str = Field(description="Its name in estimates.")
     mass: float = Field(description="Mass [kg].")
     com: Three = Field(description="Centre of mass, link frame [m].")
     primitives: list[dict[str, Any]] = Field(description="Convex pieces of its surface, link frame [m].")
@@ -191,7 +191,7 @@ class LinkOut(BaseModel):
 class JointOut(BaseModel):
     """A revolute joint."""
 
-    name: str
+    name: str = Field(description="Its name.")
     position_limits: tuple[float | None, float | None] = Field(
         description="Lowest and highest angle [rad]; null of an endless joint."
     )
@@ -202,7 +202,7 @@ class JointOut(BaseModel):
 class RobotOut(BaseModel):
     """The arm."""
 
-    name: str
+    name: str = Field(description="Its name.")
     mass: float = Field(description="Mass of the whole arm, base included [kg].")
     links: list[LinkOut] = Field(description="Links, base first.")
     joints: list[JointOut] = Field(description="Joint j carries link j, counting joints from 1.")
@@ -374,4 +374,4 @@ class FieldError(BaseModel):
 class ErrorOut(BaseModel):
     """Why a request was refused."""
 
-    errors: list[FieldError]
+    errors: list[FieldError] = Field(description="Each mistake, with its field.")

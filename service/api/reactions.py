@@ -26,14 +26,16 @@ class AcknowledgeIn(RequestBody):
     """Which collisions to acknowledge."""
 
     rule: str | None = Field(
-        None, description="Name of a rule with a level `collision`; null or left out: all of them."
+        None,
+        description="Name of a rule with a level `collision`; null or left out: all of them.",
+        examples=[None],
     )
 
 
 class ExpectedIn(RequestBody):
     """An expected contact of the rules file."""
 
-    name: str = Field(description="Its name.")
+    name: str = Field(description="Its name in the rules file.")
     open: bool = Field(True, description="true: open its window, for at most its timeout; false: close it.")
 
 

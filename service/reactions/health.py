@@ -8,7 +8,7 @@ from pydantic import BaseModel, Field
 class ActionHealth(BaseModel):
     """State of one action."""
 
-    type: str
+    type: str = Field(description="Its type in the rules file, such as `registers`.")
     state: Literal["idle", "ok", "failing"] = Field(
         "idle", description="idle: not needed so far; ok, failing: by the latest attempt or the connection."
     )
@@ -31,25 +31,25 @@ class ReactionsHealth(BaseModel):
         "without a connection, or was active when the service last ended; null: no level has anything to "
         "raise. An action without restore leaves the slider low, with null, when its level ends.",
     )
-    actions: dict[str, ActionHealth] = {}
+    actions: dict[str, ActionHealth] = Field({}, description="State of each action, by name.")
 
 
 class LatchOut(BaseModel):
     """A collision that has not been acknowledged."""
 
-    rule: str
+    rule: str = Field(description="Name of its rule.")
     t: float = Field(description="When, on the robot's clock [s].")
-    link: str
+    link: str = Field(description="The most probable link when it was decided.")
     force: float = Field(description="Force when it was decided [N].")
 
 
 class ReactionsOut(BaseModel):
     """State of the rules."""
 
-    status: Literal["off", "ok", "failing"] = "off"
+    status: Literal["off", "ok", "failing"] = Field("off", description="As in the health of the service.")
     rules: list[str] = Field([], description="Each rule in words; its actions are named.")
     does: dict[str, str] = Field({}, description="What each action does, in words, by name.")
     active: list[dict[str, Any]] = Field([], description="Levels that have begun and not ended.")
-    latched: list[LatchOut] = []
+    latched: list[LatchOut] = Field([], description="Collisions that have not been acknowledged.")
     expected: list[str] = Field([], description="Expected contacts whose windows are open.")
-    actions: dict[str, ActionHealth] = {}
+    actions: dict[str, ActionHealth] = Field({}, description="State of each action, by name.")

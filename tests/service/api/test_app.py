@@ -82,6 +82,15 @@ def test_locate_one(idle: httpx.Client) -> None:
 
 
 @pytest.mark.slow
+def test_the_examples_of_the_description_can_be_sent(idle: httpx.Client) -> None:
+    operation = idle.get("/openapi.json").json()["paths"]["/v1/locate"]["post"]
+    examples = operation["requestBody"]["content"]["application/json"]["examples"]
+    one, several = (idle.post("/v1/locate", json=each["value"]).json() for each in examples.values())
+    assert several == {"estimates": [one, one]}
+    assert one["contacts"][0]["link"] == "forearm"
+    assert np.linalg.norm(one["contacts"][0]["force_base"]) == pytest.approx(20, abs=0.1)
+
+
 def test_locate_many(idle: httpx.Client) -> None:
     samples = [
         {"q": POSTURE, "base_wrench": ZERO6},

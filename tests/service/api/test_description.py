@@ -26,3 +26,32 @@ def test_every_close_code_is_on_the_page_of_controllers() -> None:
     (row,) = [line for line in described.splitlines() if line.startswith("| `WS /v1/track`")]
     for code in row.rpartition("|")[0].rpartition("|")[2].split(","):
         assert f"- {code.strip()}: " in page
+
+
+def test_every_field_and_parameter_is_described() -> None:
+    description = create_app(Settings()).openapi()
+    fields = {
+        f"{name}.{field}": value
+        for name, model in description["components"]["schemas"].items()
+        for field, value in model.get("properties", {}).items()
+    }
+    parameters = {
+        f"{path} {parameter['name']}": parameter
+        for path, operations in description["paths"].items()
+        for operation in operations.values()
+        for parameter in operation.get("parameters", [])
+    }
+    assert len(fields) > 100
+    assert parameters
+    told = fields | parameters
+    assert [name for name, each in told.items() if not each.get("description") and "$ref" not in each] == []
+
+
+def test_the_page_asks_for_the_token_where_there_is_one() -> None:
+    assert "securitySchemes" not in create_app(Settings()).openapi()["components"]
+    description = create_app(Settings(token="0123456789abcdef")).openapi()
+    (scheme,) = description["components"]["securitySchemes"].values()
+    assert scheme == {"type": "http", "scheme": "bearer"}
+    for path, operations in description["paths"].items():
+        for operation in operations.values():
+            assert bool(operation.get("security")) == (path != "/v1/ready"), path
