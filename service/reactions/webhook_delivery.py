@@ -18,7 +18,7 @@ from typing import Any
 from contactsense.service.events.clock_step import ClockStep
 from contactsense.service.events.journal import Journal
 from contactsense.service.live.supervision import Supervised
-from contactsense.service.reactions.actions.base import ActionError
+from contactsense.service.reactions.actions.base import ActionError, no_answer
 from contactsense.service.reactions.actions.webhook import WebhookAction, sign
 
 DELAYS = (0.0, 5.0, 300.0, 1800.0, 7200.0, 18000.0, 36000.0, 36000.0)
@@ -203,8 +203,7 @@ class WebhookDelivery:
                 return False, error.code, f"{webhook.url} answered {error.code}"
         # A ValueError: the URL cannot be requested as it is, such as one with letters that are not ASCII.
         except (OSError, HTTPException, ValueError) as error:
-            reason = error.reason if isinstance(error, urllib.error.URLError) else error
-            return False, 0, f"{webhook.url}: {reason}"
+            return False, 0, f"{webhook.url}: {no_answer(error, webhook.timeout)}"
 
     def _settle(self, name: str, number: int, attempts: int, ok: bool, status: int) -> bool:
         """Write down the result of an attempt; returns False if the journal cannot be written now."""

@@ -2,6 +2,7 @@
 
 import contextlib
 import socket
+import urllib.error
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from typing import Annotated, Any
@@ -76,3 +77,11 @@ def connection(host: str, port: int, timeout: float) -> Iterator[socket.socket]:
         raise ActionError(f"{where}: no answer within {timeout:g} s") from None
     except OSError as error:
         raise ActionError(f"{where}: {error.strerror or error}") from None
+
+
+def no_answer(error: Exception, timeout: float) -> str:
+    """Why an HTTP request has no answer, in the words of `connection`."""
+    cause = error.reason if isinstance(error, urllib.error.URLError) else error
+    if isinstance(cause, TimeoutError):
+        return f"no answer within {timeout:g} s"
+    return (cause.strerror if isinstance(cause, OSError) else None) or str(cause)

@@ -5,7 +5,7 @@ import urllib.error
 import urllib.request
 from typing import Any, Literal
 
-from contactsense.service.reactions.actions.base import ActionError, ExecutedAction, Port
+from contactsense.service.reactions.actions.base import ActionError, ExecutedAction, Port, no_answer
 
 PATH = "/universal-robots/robot-api/program/v1/state"
 
@@ -35,8 +35,7 @@ class PolyscopeXAction(ExecutedAction):
             with error:
                 raise ActionError(f"{host}:{self.port}{PATH} answered {error.code}") from None
         except OSError as error:
-            reason = error.reason if isinstance(error, urllib.error.URLError) else error
-            raise ActionError(f"{host}:{self.port}{PATH}: {reason}") from None
+            raise ActionError(f"{host}:{self.port}{PATH}: {no_answer(error, self.timeout)}") from None
 
     def describe(self) -> str:
         """Return a short description of the action."""

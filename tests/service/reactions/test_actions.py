@@ -1,6 +1,7 @@
 """Each action against a scripted peer."""
 
 import base64
+import http.client
 import http.server
 import json
 import os
@@ -9,6 +10,7 @@ import socket
 import sys
 import threading
 import time
+import urllib.error
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,7 +19,7 @@ from typing import Any
 import pytest
 
 from contactsense.service.reactions.actions import ur_rtde_stop
-from contactsense.service.reactions.actions.base import ActionError
+from contactsense.service.reactions.actions.base import ActionError, no_answer
 from contactsense.service.reactions.actions.command import CommandAction
 from contactsense.service.reactions.actions.dashboard import DashboardAction
 from contactsense.service.reactions.actions.polyscope_x import PolyscopeXAction
@@ -145,6 +147,21 @@ def test_polyscope_x(status: int) -> None:
     assert [(path, json.loads(body)) for path, body in heard] == [
         ("/universal-robots/robot-api/program/v1/state", {"action": "stop"})
     ]
+
+
+def test_a_request_without_answer_is_told_like_a_connection_without_one() -> None:
+    """In words instead of numbers of the system, and with the time limit."""
+    where = f"{HOST}:{{}}/universal-robots/robot-api/program/v1/state: {{}}"
+    with socket.create_server((HOST, 0)) as silent:
+        port = silent.getsockname()[1]
+        with pytest.raises(ActionError) as told:
+            PolyscopeXAction(type="polyscope_x", port=port, timeout=0.1).perform(TOLD, HOST)
+        assert str(told.value) == where.format(port, "no answer within 0.1 s")
+    with pytest.raises(ActionError) as told:
+        PolyscopeXAction(type="polyscope_x", port=port).perform(TOLD, HOST)
+    assert str(told.value) == where.format(port, "Connection refused")
+    assert no_answer(urllib.error.URLError(TimeoutError("timed out")), 20.0) == "no answer within 20 s"
+    assert no_answer(http.client.BadStatusLine("SSH-2.0"), 20.0) == "SSH-2.0"
 
 
 def test_a_command_gets_the_decision(tmp_path: Path) -> None:
