@@ -79,6 +79,7 @@ class Engine:
             _LevelState(rule, name, level) for rule in rules.rules for name, level in _levels_of(rule)
         ]
         self._windows: dict[str, _Window] = {}
+        self._lapsed: list[str] = []
         self._t = -math.inf
         self._busy = False
         self._joints = len(scene.robot.joints)
@@ -112,6 +113,7 @@ class Engine:
         t, before = estimate.t, self._t
         self._t = t
         if t < before:  # another stream, or the clock was set back: restart durations and windows
+            self._lapsed += [f"{name}: closed, as the clock was set back" for name in self._windows]
             self._windows.clear()
             for state in self._levels:
                 state.above_since = None
@@ -120,6 +122,7 @@ class Engine:
                 window.opened = t
             elif t > window.opened + window.expected.timeout:
                 del self._windows[name]
+                self._lapsed.append(f"{name}: closed after {window.expected.timeout:g} s, its timeout")
         degraded = estimate.status == "degraded"
         if not (estimate.contacts or estimate.other > 0.0 or self._busy or degraded):
             return ()
@@ -168,6 +171,11 @@ class Engine:
         for open_name in closed:
             del self._windows[open_name]
         return closed
+
+    def take_lapsed(self) -> list[str]:
+        """Which windows have closed of themselves since the last call, and why."""
+        lapsed, self._lapsed = self._lapsed, []
+        return lapsed
 
     def updated(self, decision: Decision, estimate: Estimate) -> Decision:
         """Return a decision with place and force of the estimate: of the most probable explanation of its

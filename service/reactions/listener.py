@@ -67,6 +67,8 @@ class ReactionListener:
         self._reports.t, self._estimated = sample.t, True
         self._degraded = estimate.status == "degraded"
         decisions = self._engine.step(sample, estimate)
+        for reason in self._engine.take_lapsed():
+            self._reports.expected(reason)
         if decisions:
             self._select()
         if self._registers is not None:

@@ -140,6 +140,23 @@ def test_the_robot_program_announces_a_contact(play: Play) -> None:
     assert play.events("collision")
 
 
+def test_a_window_that_closes_of_itself_is_told(play: Play) -> None:
+    """Else the journal would not say why a contact that was expected made a collision."""
+    for back in (False, True):
+        play.step(estimate(0.0))
+        play.listener.announce("insert")
+        play.step(estimate(0.1, contact(newtons=60.0)))
+        play.step(estimate(-1.0) if back else estimate(20.0, contact(newtons=60.0)))
+    told = [r["event"] for r in play.reports if r["type"] == "event" and r["event"]["kind"] != "action"]
+    assert [(event["kind"], event["reason"]) for event in told] == [
+        ("expected", "insert: the window is open"),
+        ("expected", "insert: closed after 10 s, its timeout"),
+        ("collision", ""),
+        ("expected", "insert: the window is open"),
+        ("expected", "insert: closed, as the clock was set back"),
+    ]
+
+
 def test_the_heartbeat_goes_on_without_samples(play: Play) -> None:
     seen: set[bool] = set()
 
