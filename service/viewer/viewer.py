@@ -127,7 +127,7 @@ class Viewer:
         if now - self._worded >= WORDS:
             self._worded = now
             _set(self._note, note)
-            _set(self._words, in_words(frame.estimate))
+            _set(self._words, in_words(frame.estimate, note))
             self._latches.update(latches)
             self._view.update()
             self.cameras.update()

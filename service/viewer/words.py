@@ -9,8 +9,8 @@ from contactsense.solvers.posterior.region import REGION_90
 from contactsense.types import Contact, Estimate
 
 
-def in_words(estimate: Estimate | None) -> str:
-    """What an estimate says; None: there is none."""
+def in_words(estimate: Estimate | None, note: str = "") -> str:
+    """What an estimate says; None: there is none. Its reason is left out if `note`, shown above, has it."""
     if estimate is None:
         return "**No current estimate.**"
     if estimate.contacts:
@@ -25,7 +25,7 @@ def in_words(estimate: Estimate | None) -> str:
             lines += ["", f"A held push of {estimate.detectable:.1f} N would be detected anywhere."]
     if estimate.status == "degraded":
         lines[0] = f"**Degraded.** {lines[0]}"
-    if estimate.reason:
+    if estimate.reason and estimate.reason not in note:
         lines += ["", estimate.reason]
     return "\n".join(lines)
 

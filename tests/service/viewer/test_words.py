@@ -28,6 +28,14 @@ def test_blind_is_not_nothing() -> None:
     )
 
 
+def test_a_reason_that_the_service_tells_is_not_repeated() -> None:
+    """A small screen has no room for both."""
+    doubted = replace(estimate(SCENE), reason="a line of the scene is wrong")
+    note = "degraded: base_wrench: 9% are lost; a line of the scene is wrong"
+    assert "a line of the scene is wrong" in in_words(doubted, "ok")
+    assert in_words(doubted, note) == in_words(estimate(SCENE))
+
+
 def test_the_place_is_within_the_ninety_percent_radius() -> None:
     # 90 % of a two-dimensional Gaussian lie within 2.146 standard deviations.
     words = in_words(estimate(SCENE, contact(SCENE, POSTURE, 3, POINT, deviation=0.01)))
