@@ -126,23 +126,26 @@ class ExpectedContact(RulesModel):
     """Value of `inputs.announce` that opens the window; None: only a request can open it."""
 
 
-def _register_name(value: Any) -> Any:
-    """What an input may be; a number alone does not say which kind of register is meant."""
-    if isinstance(value, int) and not isinstance(value, bool):
-        raise ValueError(
-            f"expected the name of a register, such as output_int_register_24, got the number {value}"
-        )
-    return value
+def _output(**registers: range) -> BeforeValidator:
+    """Accepts the names of these registers, which a robot program writes: their kind -> their numbers."""
+    names = {f"output_{kind}_register_{i}" for kind, numbers in registers.items() for i in numbers}
+    expected = " or ".join(f"output_{kind}_register_{of[0]} to {of[-1]}" for kind, of in registers.items())
+
+    def check(value: Any) -> Any:
+        if isinstance(value, int) and not isinstance(value, bool):  # it does not say which kind is meant
+            raise ValueError(
+                f"expected the name of a register, such as output_int_register_24, got the number {value}"
+            )
+        if isinstance(value, str) and value not in names:
+            raise ValueError(f"expected {expected}, got {value!r:.60}")
+        return value
+
+    return BeforeValidator(check)
 
 
-_AcknowledgeRegister = Annotated[
-    str,
-    Field(pattern=r"^output_(bit_register_(6[4-9]|[7-9]\d|1[01]\d|12[0-7])|int_register_\d+)$"),
-    BeforeValidator(_register_name),
-]
-_AnnounceRegister = Annotated[
-    str, Field(pattern=r"^output_int_register_\d+$"), BeforeValidator(_register_name)
-]
+_BITS, _INTEGERS = range(64, 128), range(48)
+_AcknowledgeRegister = Annotated[str, _output(bit=_BITS, int=_INTEGERS)]
+_AnnounceRegister = Annotated[str, _output(int=_INTEGERS)]
 
 
 class Inputs(RulesModel):

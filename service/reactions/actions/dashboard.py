@@ -20,7 +20,7 @@ class DashboardAction(ExecutedAction):
     """Kind of the action."""
     command: Literal["pause", "stop", "popup"]
     """What to do."""
-    text: Annotated[str, Field(max_length=200, pattern=r"^[^\r\n]*$")] = "{rule}: {force} N on {link}"
+    text: Annotated[str, Field(max_length=200)] = "{rule}: {force} N on {link}"
     """Text of the popup; {rule}, {level}, {link} and {force} are replaced by their values."""
     port: Port = 29999
     """Port of the dashboard server."""
@@ -28,6 +28,8 @@ class DashboardAction(ExecutedAction):
     @field_validator("text")
     @classmethod
     def _has_known_values(cls, text: str) -> str:
+        if "\r" in text or "\n" in text:
+            raise ValueError(f"expected a single line, got {text!r:.60}")
         for name in re.findall(_IN_BRACES, text):
             if name not in _VALUES:
                 expected = ", ".join(f"{{{value}}}" for value in _VALUES)

@@ -3,6 +3,7 @@
 import base64
 import hashlib
 import hmac
+import re
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
@@ -18,7 +19,7 @@ class WebhookAction(ActionSettings):
 
     type: Literal["webhook"]
     """Kind of the action."""
-    url: Annotated[str, Field(pattern=r"^https?://[^\s/]+\S*$")]
+    url: str
     """Address to post to."""
     secret: str | None = None
     """Signing secret: `whsec_` followed by 24 to 64 bytes in base64. Exactly one of it and `secret_file`
@@ -27,6 +28,13 @@ class WebhookAction(ActionSettings):
     """File that contains the secret, instead of `secret`; relative to the folder of the rules."""
     timeout: Annotated[float, Field(gt=0.0, le=60.0)] = 20.0
     """Time limit of one attempt [s]."""
+
+    @field_validator("url")
+    @classmethod
+    def _can_be_posted_to(cls, url: str) -> str:
+        if re.fullmatch(r"https?://[^\s/]+\S*", url) is None:
+            raise ValueError(f"expected an address such as https://example.com/contacts, got {url!r:.80}")
+        return url
 
     @field_validator("secret_file")
     @classmethod

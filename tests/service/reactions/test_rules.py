@@ -1,15 +1,17 @@
 """The rules' file: what it may say, and how it is refused."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 from click.testing import CliRunner
+from pydantic import ValidationError
 
 from contactsense import Scene
 from contactsense.service.cli.reactions import check
 from contactsense.service.reactions.actions.command import CommandAction
 from contactsense.service.reactions.explain import explain, explain_actions
-from contactsense.service.reactions.rules import ReactionRules, RulesError
+from contactsense.service.reactions.rules import Inputs, ReactionRules, RulesError
 from tests.service.reactions.estimates import SCENE
 
 FILE = """
@@ -145,10 +147,16 @@ def test_a_missing_file_is_named() -> None:
     [
         ("{type: webhook, url: 'http://h/'}", "expected either secret or secret_file, got neither"),
         ("{type: webhook, url: 'http://h/', secret: hunter2}", "secret: expected whsec_"),
-        ("{type: webhook, url: 'ftp://h/', secret_file: f}", "url: expected text that matches"),
+        (
+            "{type: webhook, url: 'ftp://h/', secret_file: f}",
+            "url: expected an address such as https://example.com/contacts, got 'ftp://h/'",
+        ),
         ("{type: command, command: []}", "command: expected a length of at least 1, got 0"),
         ("{type: dashboard, command: unlock protective stop}", "command: expected"),
-        ('{type: dashboard, command: popup, text: "a\\nplay"}', "text: expected text that matches"),
+        (
+            '{type: dashboard, command: popup, text: "a\\nplay"}',
+            "text: expected a single line, got 'a\\nplay'",
+        ),
         (
             "{type: dashboard, command: popup, text: '{force} N at {place}'}",
             "actions.tell.text: expected only {rule}, {level}, {link}, {force} in braces, got {place}",
@@ -199,3 +207,22 @@ def test_a_program_that_is_a_path_is_beside_its_rules(
     assert (tmp_path / "told").read_text() == '{"rule": "arm"}'
     alone = load(tmp_path, FILE.replace("{type: registers}", "{type: command, command: [sh]}"))
     assert alone.actions["tell"].describe() == "run sh (at most 10 s)"
+
+
+@pytest.mark.parametrize(
+    ("given", "complaint"),
+    [
+        (
+            {"acknowledge": "input_bit_register_64"},
+            "expected output_bit_register_64 to 127 or output_int_register_0 to 47, "
+            "got 'input_bit_register_64'",
+        ),
+        ({"announce": "output_int_register_48"}, "expected output_int_register_0 to 47, got"),
+        ({"announce": "output_bit_register_64"}, "expected output_int_register_0 to 47, got"),
+        ({"announce": 24}, "expected the name of a register, such as output_int_register_24, got the number"),
+    ],
+)
+def test_inputs_are_registers_that_a_program_can_write(given: dict[str, Any], complaint: str) -> None:
+    Inputs(acknowledge="output_bit_register_127", announce="output_int_register_47")
+    with pytest.raises(ValidationError, match=complaint):
+        Inputs.model_validate(given)
