@@ -15,6 +15,7 @@ from tests.installation import ROOT
 
 pytestmark = pytest.mark.slow
 SOURCES = ("robots", "kinematics", "contactsense", "service", "benchmarks")
+TESTS = ("tests/test_docs.py", "tests/test_examples.py")
 FILES = ("pyproject.toml", "README.md", "LICENSE", "MANIFEST.in", "CHANGELOG.md")
 
 
@@ -25,9 +26,9 @@ def _copy(target: Path) -> Path:
         shutil.copytree(
             ROOT / name, target / name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__", "*.nb?")
         )
-    for name in FILES:
-        if (ROOT / name).exists():
-            shutil.copy(ROOT / name, target / name)
+    (target / "tests").mkdir()
+    for name in (*FILES, *TESTS):
+        shutil.copy(ROOT / name, target / name)
     return target
 
 
@@ -120,6 +121,8 @@ def test_a_source_distribution_builds_the_same_wheel(sources: Path, wheel: Path,
     (tmp_path / "unpacked").mkdir()
     shutil.unpack_archive(archive, tmp_path / "unpacked", filter="data")
     (unpacked,) = (tmp_path / "unpacked").iterdir()
+    # Of the tests setuptools would take some only, without what they import.
+    assert not (unpacked / "tests").exists()
     assert _contents(_build(unpacked, tmp_path)) == _contents(wheel)
 
 
