@@ -74,6 +74,8 @@ def fit_model(
     arm, step, condition = start, None, 1.0
     for number in range(_MAX_ITERATIONS):
         progress(f"round {number + 1}")
+        if number < _MIN_ITERATIONS:
+            _reconsider(free, kept)
         if number == 1 and widths and any(entry.group == "coulomb" for entry in selected):
             progress("velocities of the smooth sign functions")
             arm = _best_velocities(arm, recordings, bandwidth)
@@ -84,6 +86,14 @@ def fit_model(
     assert step is not None
     precision = step.information + np.diag([entry.prior_std**-2 for entry in selected])
     return FittedModel(arm, step.covariance, precision, free, kept, condition)
+
+
+def _reconsider(free: np.ndarray, kept: dict[int, str]) -> None:
+    """Estimate again what the residuals of the last iteration left unexcited: far from the minimum they are
+    so large that the motion seems to tell little."""
+    for i in [i for i, why in kept.items() if why == _NOT_EXCITED]:
+        free[i] = True
+        del kept[i]
 
 
 class _GaussNewton:

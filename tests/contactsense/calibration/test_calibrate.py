@@ -107,6 +107,21 @@ def test_its_scene_explains_the_recording(found: Calibration) -> None:
     assert again.joint_torque == found.scene.joint_torque
 
 
+@pytest.mark.slow
+def test_a_sensor_far_from_where_the_scene_has_it_is_found() -> None:
+    """The sensor is turned, so at first residuals are so large that the motion seems to tell little of
+    its height."""
+    sensor = WRENCH.model_copy(update={"translation": (0.01, -0.02, -0.1), "rpy": (0.02, -0.03, 0.5)})
+    truth = TRUTH.model_copy(update={"base_wrench": sensor, "joint_torque": None})
+    scene = SEARCHED.model_copy(update={"base_wrench": WrenchSensor(), "joint_torque": None})
+    found = calibrate(scene, [simulate(truth, _motion(12.0), 2, 250.0)])
+    kept = [value.entry.name for value in found.values if value.kept]
+    assert kept == []
+    assert found.scene.base_wrench is not None
+    np.testing.assert_allclose(found.scene.base_wrench.translation, sensor.translation, atol=2e-3)
+    assert found.scene.base_wrench.moment_noise == pytest.approx(sensor.moment_noise, rel=0.2)
+
+
 @pytest.mark.long
 def test_a_late_sensor_is_found_in_slow_motion() -> None:
     """The noise of the readings changes faster than the readings themselves."""
