@@ -289,6 +289,11 @@ def _check(scene: Scene, recordings: list[FreeMotion]) -> None:
             raise CalibrationError(
                 f"{recording.name}: expected joint torques or base wrenches as in the scene, got neither"
             )
+        if unknown := ", ".join(sorted(set(recording.link_readings) - set(scene.link_sensors))):
+            raise CalibrationError(
+                f"{recording.name}: link_readings: expected fields of the scene's sensors within the arm "
+                f"({', '.join(scene.link_sensors) or 'it has none'}), got {unknown}"
+            )
 
 
 def _noise(

@@ -169,6 +169,9 @@ def test_unusable_recordings_are_refused() -> None:
         calibrate(SEARCHED, [FreeMotion(np.arange(500) * 0.01, q, q, name="nothing")])
     with pytest.raises(CalibrationError, match=r"brief: expected at least 2 s, got 0\.9"):
         calibrate(SEARCHED, [FreeMotion(np.arange(91) * 0.01, q[:91], q[:91], q[:91], name="brief")])
+    inner = FreeMotion(np.arange(500) * 0.01, q, q, q, name="inner", link_readings={"elbow_wrench": q})
+    with pytest.raises(CalibrationError, match=r"inner: link_readings: expected .*none\), got elbow_wrench"):
+        calibrate(SEARCHED, [inner])
     with pytest.raises(ValueError, match="rough: torque: expected finite numbers, got nan"):
         FreeMotion(np.arange(500) * 0.01, q, q, np.full((500, 6), np.nan), name="rough")
     with pytest.raises(ValueError, match="twice: t: expected 500 increasing times"):
