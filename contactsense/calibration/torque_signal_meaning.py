@@ -57,6 +57,8 @@ def setting_warnings(scene: Scene, residuals_by_setting: dict[Setting, np.ndarra
     """Warnings where another setting fits clearly better than the scene's."""
     assert scene.joint_torque is not None
     stated: Setting = (scene.joint_torque.contains, False)
+    if np.isnan(residuals_by_setting[stated]).all():
+        return []  # no joint moves
     score = {setting: float(np.nanmean(np.log(sigma))) for setting, sigma in residuals_by_setting.items()}
     best = min(score, key=lambda setting: score[setting])
     ratio = np.exp(score[best] - score[stated])

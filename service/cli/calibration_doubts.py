@@ -36,15 +36,19 @@ def doubts(found: Calibration, scene: Scene, recordings: list[FreeMotion]) -> tu
     free = [_without_contacts(part, found) for part in recordings]
     links = scene.robot.links if found.inertia else ()
     estimated = (*ESTIMATED, *(f"inertia.{link.name}" for link in links))
+    named: set[str] = set()
     for checked, corrected in ((scene, estimated), (found.scene, ())):
         try:
             result = check(checked, free)
         except (CheckError, ValueError):  # such as too short a motion: nothing is known
             continue
-        for item in result.wrong:
+        wrong = [
+            item for item in result.wrong if item.line not in named and not item.line.endswith(corrected)
+        ]
+        for item in wrong:
             text = f"{item.line}: got {item.stated}, {item.proposed} would fit"
-            if not item.line.endswith(corrected) and text not in reasons:
-                reasons.append(f"{text} ({item.remark})" if item.remark else text)
+            reasons.append(f"{text} ({item.remark})" if item.remark else text)
+        named.update(item.line for item in wrong)
     return tuple(dict.fromkeys(reasons))
 
 

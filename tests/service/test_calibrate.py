@@ -171,6 +171,25 @@ def test_what_was_left_out_as_a_contact_is_no_reason_for_doubts(
     assert kept == [motion.row_of(i) for i in range(len(motion.t)) if not first <= i <= last]
 
 
+def test_a_line_that_is_wrong_before_and_after_is_named_once(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    proposals = iter(("997 per Nm", "999 per Nm"))
+
+    def check(*_: object) -> SimpleNamespace:
+        item = SimpleNamespace(
+            line="joint torques: scale", stated="1 per Nm", proposed=next(proposals), remark=""
+        )
+        return SimpleNamespace(wrong=(item,))
+
+    monkeypatch.setattr(calibration_doubts, "check", check)
+    scene = Scene.load(folder / "scene.yaml")
+    parts, _ = read_free_motion(folder / "free.csv", scene)
+    found = estimate(scene, parts, Settings(("bias",), widths=False))
+    assert doubts(found, scene, parts) == ("joint torques: scale: got 1 per Nm, 997 per Nm would fit",)
+    assert next(proposals, None) is None
+
+
 @pytest.mark.slow
 def test_contacts_that_are_kept_are_told(folder: Path) -> None:
     files = [str(folder / "pushed.csv"), "--scene", str(folder / "scene.yaml"), "--keep-contacts"]

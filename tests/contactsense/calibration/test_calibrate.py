@@ -8,6 +8,7 @@ from contactsense.benchmarks.calibration.recordings import read
 from contactsense.benchmarks.calibration.simulate import simulate
 from contactsense.calibration import Calibration, CalibrationError, FreeMotion, Settings, calibrate
 from contactsense.calibration.fourier_trajectory import FourierTrajectory
+from contactsense.calibration.torque_signal_meaning import compare_meanings, setting_warnings
 from contactsense.robots.tool import Tool
 from contactsense.sensors.settings import Friction
 from tests.plain_arm import plain_ur5e
@@ -159,6 +160,12 @@ def test_a_wrong_sign_of_the_torque_signal_is_reported() -> None:
     turned = FreeMotion(stretch.t, stretch.q, stretch.qd, -stretch.torque)
     result = calibrate(SEARCHED, [turned], Settings(("bias", "coulomb", "viscous", "rotor"), widths=False))
     assert "joint_torque.sign: on_arm" in result.warnings[0]
+
+
+def test_an_arm_at_rest_says_nothing_of_the_torque_signal() -> None:
+    q = np.tile(CENTER, (500, 1))
+    recording = FreeMotion(np.arange(500) * 0.01, q, 0.0 * q, torque=0.0 * q)
+    assert setting_warnings(SEARCHED, compare_meanings(SEARCHED, [recording], 10.0, 1)) == []
 
 
 def test_unusable_recordings_are_refused() -> None:
