@@ -70,7 +70,7 @@ class Localizer(StreamLocalizer):
 
         Raises:
             ValueError: a field of a block has the wrong shape; the message names it.
-            TypeError: it is a single block.
+            TypeError: it is a single block, or holds something else.
         """
         if isinstance(recording, SampleBlock):
             raise TypeError("recording: expected blocks, as in run_blocks([block]), got a SampleBlock")
@@ -83,7 +83,9 @@ class Localizer(StreamLocalizer):
             )
         compiled_only = self._is_plain and not estimates
         settings = (self._link_first, self._sample_fields.relevant_flags)
-        for block in recording:
+        for i, block in enumerate(recording):
+            if not isinstance(block, SampleBlock):
+                raise TypeError(f"recording[{i}]: expected a SampleBlock, got {type(block).__name__}")
             whole = self._screening.screened_block(SampleBlock.checked(block, self._joints))
             for part in whole.split(MAX_BLOCK):
                 found = self._block_runner.run(

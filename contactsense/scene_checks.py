@@ -26,6 +26,8 @@ def has_surface(robot: Robot, links: Sequence[str], touchable: Sequence[str] | N
         links: Names of its links, and of a tool with a surface.
         touchable: Names of the links on which contacts are searched; None: all.
     """
+    if touchable is not None and not touchable:
+        raise ValueError("touchable: expected at least one link, got none")
     if _bare(robot).issuperset(links if touchable is None else touchable):
         field = "robot" if touchable is None else "touchable"
         raise ValueError(

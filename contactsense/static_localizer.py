@@ -29,7 +29,7 @@ from contactsense.sensors.link_values import by_field
 from contactsense.sensors.sample_fields import SENSORS, SampleFields
 from contactsense.sensors.stream_state import Readings
 from contactsense.sensors.usable_sensors import Usable, sensor_bits_of
-from contactsense.sensors.validation import checked_rows
+from contactsense.sensors.validation import as_floats, checked_rows
 from contactsense.types import Contact, Estimate
 
 Method = Literal["joint", "torques_first", "intrinsic"]
@@ -99,7 +99,7 @@ class StaticLocalizer:
         Raises:
             ValueError: A variance is not finite and positive, or their number is not that of the joints.
         """
-        given, own = np.asarray(variance, dtype=np.float64), self.constants.sensors.torque_variance
+        given, own = as_floats("variance", variance), self.constants.sensors.torque_variance
         if given.shape != own.shape or not (np.isfinite(given) & (given > 0.0)).all():
             raise ValueError(f"variance: expected {len(own)} finite positive numbers, got {given}")
         kept = own.copy()
@@ -153,7 +153,8 @@ class StaticLocalizer:
                 values beyond the limits of joints or sensor, a mistaken `external`), or the scene has no such
                 sensor.
         """
-        links = by_field(wrist_wrench, link_wrenches) if wrist_wrench is not None or link_wrenches else {}
+        given_links = wrist_wrench is not None or link_wrenches is not None
+        links = by_field(wrist_wrench, link_wrenches) if given_links else {}
         usable = (base_wrench is not None, joint_torque is not None, 0)
         limits = None if links else self._detection_limits.get(usable)
         if limits is None:

@@ -28,14 +28,14 @@ def check_arguments(contacts: int, known: Sequence[Contact], drift: float | None
     if not isinstance(contacts, Integral) or not 1 <= contacts <= MAX_CONTACTS:
         raise ValueError(f"contacts: expected 1 to {MAX_CONTACTS}, got {contacts!r}")
     if not isinstance(known, Sequence):
-        raise ValueError(f"known: expected a sequence of Contact, got {known!r}")
+        raise ValueError(f"known: expected a sequence of Contact, got {known!r:.60}")
     if len(known) > contacts:
         raise ValueError(f"known: expected at most {contacts} (contacts), got {len(known)}")
     if drift is not None and not (isinstance(drift, Real) and math.isfinite(drift) and drift > 0.0):
         raise ValueError(f"drift: expected a positive number of N, got {drift!r}")
     for i, contact in enumerate(known):
         if not isinstance(contact, Contact):
-            raise ValueError(f"known[{i}]: expected a Contact, got {contact!r}")
+            raise ValueError(f"known[{i}]: expected a Contact, got {contact!r:.60}")
         _check_contact(f"known[{i}]", contact, start)
 
 

@@ -11,8 +11,19 @@ _OTHERS = "link_wrenches."
 
 
 def by_field(wrist_wrench: Any, link_wrenches: Mapping[str, Any] | None) -> dict[str, Any]:
-    """The values that are there, of the two fields of a `Sample` or of any record with these fields."""
-    found = {_OTHERS + name: x for name, x in (link_wrenches or {}).items() if x is not None}
+    """The values that are there, of the two fields of a `Sample` or of any record with these fields.
+
+    Raises:
+        TypeError: `link_wrenches` are not by name of the sensor.
+    """
+    if link_wrenches is None:
+        link_wrenches = {}
+    elif not isinstance(link_wrenches, Mapping):
+        raise TypeError(
+            "link_wrenches: expected values by name of the sensor, as in {'forearm': value}, "
+            f"got {type(link_wrenches).__name__}"
+        )
+    found = {_OTHERS + name: x for name, x in link_wrenches.items() if x is not None}
     if wrist_wrench is not None:
         found[WRIST] = wrist_wrench
     return found

@@ -54,7 +54,7 @@ class SampleFields:
         if torque is None or not self._torque:
             sensor_bits, torque = sensor_bits - 2, self._no_torque
         if self._link_sensors:
-            others = sample.link_wrenches or {}
+            others = {} if sample.link_wrenches is None else sample.link_wrenches
             for s, name in enumerate(self._link_names):
                 value = sample.wrist_wrench if name is None else others.get(name)
                 if value is not None:

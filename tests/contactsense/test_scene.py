@@ -231,6 +231,7 @@ def test_an_arm_may_be_a_path(tmp_path: Path) -> None:
         ("robot: ur5e\nfrictoin: 0.5", "frictoin: unknown field"),
         ("robot: ur5e\nmounting: floor", "mounting"),
         ("robot: ur5e\nroom: 0.01", "room: this field is now named clearance"),
+        ("robot: ur5e\ntouchable: []", "^.*touchable: expected at least one link, got none$"),
         ("robot: ur5e\ntouchable: [elbow]", "touchable: expected links of base, shoulder, .*got 'elbow'"),
         ("robot: ur5e\njoint_torque: {noise: [1, 1]}", "joint_torque.noise: expected 6 numbers, got 2"),
         ("robot: ur5e\nbase_wrench: null\njoint_torque: null", "expected at least one of the two sensors"),

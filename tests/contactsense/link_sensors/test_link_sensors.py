@@ -243,6 +243,18 @@ def test_arguments_are_checked(localizer: Localizer) -> None:
         localizer.locate_batch(Q[None], base_wrench=ZERO[None], link_wrenches={"forearm": np.zeros((2, 6))})
     with pytest.raises(ValueError, match=r"^link_wrenches\.forearm: expected shape \(6,\)"):
         localizer.step(Sample(0.0, Q, ZERO, ZERO, ZERO, link_wrenches={"forearm": np.zeros(4)}))
+    # A single sensor's value in place of values by name.
+    block = SampleBlock(np.arange(3.0), np.tile(Q, (3, 1)), np.zeros((3, 6)), link_wrenches=np.zeros((3, 6)))  # type: ignore[arg-type]
+    for call in (
+        lambda: localizer.locate(Q, **zero, link_wrenches=ZERO),
+        lambda: localizer.locate(Q, **zero, link_wrenches=[ZERO]),
+        lambda: localizer.step(Sample(0.0, Q, ZERO, ZERO, ZERO, link_wrenches=ZERO)),
+        lambda: list(localizer.run_blocks([block])),
+    ):
+        with pytest.raises(
+            TypeError, match=r"^link_wrenches: expected values by name .*, got (ndarray|list)$"
+        ):
+            call()
 
 
 @pytest.mark.parametrize(

@@ -161,3 +161,6 @@ def test_a_single_block_is_named() -> None:
     """Else its rows would be taken for blocks, and the message would be about the shape of q."""
     with pytest.raises(TypeError, match=r"expected blocks, as in run_blocks\(\[block\]\), got a SampleBlock"):
         list(Localizer(Scene(robot=plain_ur5e())).run_blocks(recording()[:10]))  # type: ignore[arg-type]
+    samples = [recording().sample(0)]
+    with pytest.raises(TypeError, match=r"^recording\[0\]: expected a SampleBlock, got Sample$"):
+        list(Localizer(Scene(robot=plain_ur5e())).run_blocks(samples))  # type: ignore[arg-type]
