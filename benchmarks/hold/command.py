@@ -30,6 +30,9 @@ def hold(runs: int, picture: Path | None, as_json: bool) -> None:
     The surface is exact, the noise 0.25 N, 0.05 Nm at the base and 1 Nm at the joints. Errors are root mean
     squares over the streams; the stated standard deviations are printed next to them.
     """
+    if picture is not None:
+        with picture_file(picture):  # before the work: what draws may not be installed
+            from contactsense.benchmarks.hold.picture import draw
     console = Console(stderr=True)
     rounds = [(case, seed) for case in CASES for seed in range(runs)]
     finger, localizers = Finger(), {case.name: Localizer(scene_of(case)) for case in CASES}
@@ -41,8 +44,6 @@ def hold(runs: int, picture: Path | None, as_json: bool) -> None:
     results = {"times": TIMES, "held": found, "slide": slide_summary(trace)}
     if picture is not None:
         with picture_file(picture):
-            from contactsense.benchmarks.hold.picture import draw
-
             draw(found, trace, picture)
     if as_json:
         click.echo(json.dumps(results, indent=1))

@@ -80,6 +80,8 @@ def calibrate(
     if out is not None and in_place:
         raise click.UsageError("--out and --write: expected one of them, got both")
     check_writable("--out", out)
+    if report is not None:
+        _check_report(report)
     errors = Console(stderr=True)
     try:
         scene = Scene.load(path)
@@ -115,10 +117,6 @@ def calibrate(
             write_text(_former(path), path.read_text(encoding="utf-8"))
         if target is not None:
             write_text(target, scene_text(path, found.scene, target))
-    except ImportError as error:
-        raise click.ClickException(
-            f"plots need matplotlib: pip install contactsense[geometry] ({error})"
-        ) from None
     except OSError as error:
         raise click.ClickException(f"{error.filename}: cannot write: {error.strerror}") from None
     if as_json:
@@ -129,6 +127,18 @@ def calibrate(
             _print_everything(found, scene)
     if against:
         ctx.exit(3)
+
+
+def _check_report(folder: Path) -> None:
+    """Refuse a report that cannot be made, before the work instead of after it."""
+    if folder.exists() and not folder.is_dir():
+        raise click.ClickException(f"--report: expected a folder, got the file {folder}")
+    try:
+        import matplotlib  # noqa: F401
+    except ImportError as error:
+        raise click.ClickException(
+            f"plots need matplotlib: pip install contactsense[geometry] ({error})"
+        ) from None
 
 
 def _former(path: Path) -> Path:

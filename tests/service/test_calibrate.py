@@ -2,6 +2,7 @@
 
 import json
 import re
+import sys
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -188,6 +189,21 @@ def test_a_line_that_is_wrong_before_and_after_is_named_once(
     found = estimate(scene, parts, Settings(("bias",), widths=False))
     assert doubts(found, scene, parts) == ("joint torques: scale: got 1 per Nm, 997 per Nm would fit",)
     assert next(proposals, None) is None
+
+
+def test_a_report_that_cannot_be_made_is_refused_before_the_work(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("contactsense.service.cli.calibrate.run", None)
+    taken = tmp_path / "report"
+    taken.write_text("")
+    arguments = [str(folder / "free.csv"), "--scene", str(folder / "scene.yaml"), "--report"]
+    result = CliRunner().invoke(calibrate, [*arguments, str(taken)])
+    assert result.stderr == f"Error: --report: expected a folder, got the file {taken}\n"
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    result = CliRunner().invoke(calibrate, [*arguments, str(tmp_path / "other")])
+    assert result.exit_code == 1
+    assert result.stderr.startswith("Error: plots need matplotlib: pip install contactsense[geometry]")
 
 
 @pytest.mark.slow
