@@ -252,6 +252,6 @@ def _next_steps(found: Calibration, written: Path | None, against: tuple[str, ..
     elif not against:
         steps.append(
             f"try {written} on a recording that calibration has not seen, without contacts: "
-            f"`contactsense analyze RECORDING --scene {written}` must find none"
+            f"`contactsense analyze RECORDING --scene {written} --out FOLDER` must find none"
         )
     return tuple(steps)

@@ -21,6 +21,7 @@ from contactsense.calibration.result import Value
 from contactsense.robots.tool import Tool
 from contactsense.sensors.settings import Friction, LinkInertia
 from contactsense.service.cli import calibration_doubts
+from contactsense.service.cli.analyze import analyze
 from contactsense.service.cli.calibrate import calibrate
 from contactsense.service.cli.calibration_doubts import doubts
 from contactsense.service.cli.calibration_page import page, reasons_against
@@ -78,6 +79,11 @@ def test_a_scene_is_calibrated_and_written(folder: Path) -> None:
     np.testing.assert_allclose(scene.joint_torque.friction.coulomb, 5.0, atol=0.6)
     assert (folder / "scene.yaml").read_text().endswith("detail: coarse\n")
     report = (folder / "report" / "report.md").read_text()
+    advised = re.search(r"`contactsense analyze (.*?)`", report)
+    assert advised is not None
+    given = advised[1].replace("RECORDING", files[0]).split()
+    with analyze.make_context("analyze", given) as context:  # an option that is missing raises
+        assert context.params["scene_path"] == folder / "new.yaml"
     assert "residuals_0.png" in report
     assert "| coulomb of elbow_joint |" in report
     assert (folder / "report" / "residuals_0.png").stat().st_size > 10_000
