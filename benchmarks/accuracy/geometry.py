@@ -50,7 +50,9 @@ def geometry(meshes: Path, names: tuple[str, ...], links: bool, as_json: bool) -
         for name in track(names, console=Console(stderr=True), description="arms"):
             rows += measure(library.load(name), meshes / name)
     except ImportError as error:
-        raise click.ClickException(f"needs the extra packages: contactsense[geometry] ({error})") from error
+        raise click.ClickException(
+            f"bench geometry needs the extra packages: pip install contactsense[geometry] ({error})"
+        ) from error
     except RobotError as error:
         raise click.ClickException(str(error)) from error
     if as_json:

@@ -20,7 +20,9 @@ def skin_of(scene: Scene) -> Grids:
     try:
         from contactsense.robots.decomposition.mesh_sources import skin_grids
     except ImportError as error:
-        raise SceneError(f"detail: skin needs the extra packages: contactsense[geometry] ({error})") from None
+        raise SceneError(
+            f"detail: skin needs the extra packages: pip install contactsense[geometry] ({error})"
+        ) from None
     try:
         grids = skin_grids(scene.robot, scene.meshes)
     except RobotError as error:

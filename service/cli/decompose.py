@@ -111,7 +111,7 @@ def decompose(
         from contactsense.robots.decomposition.mesh_sources import read_arm, read_tool
     except ImportError as error:
         raise click.ClickException(
-            f"needs the extra packages: pip install contactsense[geometry] ({error})"
+            f"decompose needs the extra packages: pip install contactsense[geometry] ({error})"
         ) from error
     if as_tool and as_body:
         raise click.UsageError("--as-tool, --as-body: expected one of them, got both")

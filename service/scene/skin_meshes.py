@@ -16,7 +16,9 @@ def check_meshes(scene: Scene) -> None:
     try:
         from contactsense.robots.decomposition.mesh_sources import skin_meshes
     except ImportError as error:
-        raise SceneError(f"detail: skin needs the extra packages: contactsense[geometry] ({error})") from None
+        raise SceneError(
+            f"detail: skin needs the extra packages: pip install contactsense[geometry] ({error})"
+        ) from None
     try:
         skin_meshes(scene.robot, scene.meshes)
     except RobotError as error:

@@ -1,5 +1,6 @@
 """Levels of detail: what a scene names is what it pays for, and more detail is nearer to the truth."""
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from contactsense.benchmarks.accuracy.static_cases import COLUMNS
 from contactsense.benchmarks.accuracy.static_points import read
 from contactsense.robots.decomposition.mesh_sources import skin_meshes
 from contactsense.scene_model.constants import build_constants
+from contactsense.service.scene.skin_meshes import check_meshes
 from tests.plain_arm import plain_ur5e
 from tests.shared import shared, truth
 
@@ -100,3 +102,11 @@ def test_arms_that_differ_in_two_links_are_told_apart_by_their_meshes() -> None:
     assert set(skin_meshes(robots.load("ur10e"), meshes)) == set(robots.load("ur10e").link_names)
     with pytest.raises(robots.RobotError, match="is it that of another arm"):
         skin_meshes(robots.load("ur16e"), meshes)
+
+
+def test_skin_without_the_extra_packages_says_how_to_install_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "contactsense.robots.decomposition.mesh_sources", None)
+    scene = Scene(robot="ur5e", detail="skin")
+    for call in (Localizer, check_meshes):
+        with pytest.raises(SceneError, match=r"^detail: skin needs .*: pip install contactsense\[geometry\]"):
+            call(scene)
