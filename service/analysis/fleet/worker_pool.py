@@ -3,6 +3,7 @@
 `run_tasks` is the only interface: it runs one process, several on this machine, or a Dask cluster.
 """
 
+import gc
 import multiprocessing
 import signal
 import threading
@@ -152,10 +153,16 @@ def _on_dask(
         from distributed import Client, as_completed
     except ImportError:
         raise WorkerPoolError("--scheduler needs Dask: pip install contactsense[fleet]") from None
+    client, reason = None, ""
     try:
         client = Client(scheduler, timeout=10)  # type: ignore[no-untyped-call]
     except (OSError, ValueError, TimeoutError) as error:
-        raise WorkerPoolError(f"--scheduler: {scheduler!r}: cannot reach it: {error}") from None
+        reason = str(error)
+    if client is None:
+        # What is left of it stops its event loop when it is collected. While another one starts, each would
+        # wait for the other for good.
+        gc.collect()
+        raise WorkerPoolError(f"--scheduler: {scheduler!r}: cannot reach it: {reason}")
     with client:
         futures = {client.submit(function, task, pure=False, retries=MOST_DEATHS): task for task in tasks}
         for future in as_completed(list(futures)):  # type: ignore[no-untyped-call]

@@ -1,5 +1,6 @@
 """`contactsense analyze --scheduler`: a dataset on a Dask cluster."""
 
+import gc
 from pathlib import Path
 
 import pytest
@@ -40,8 +41,14 @@ def test_a_dataset_is_analysed_on_the_cluster(tmp_path: Path, data: Path) -> Non
     [("", "missing port"), ("localhost", "missing port"), ("foo://x:1", "unknown address scheme")],
 )
 def test_an_address_that_is_none_is_told(tmp_path: Path, data: Path, address: str, reason: str) -> None:
-    pytest.importorskip("distributed")
-    result = _run(data, tmp_path / "out", "--scheduler", address)
+    distributed = pytest.importorskip("distributed")
+    gc.disable()
+    try:
+        result = _run(data, tmp_path / "out", "--scheduler", address)
+        # One that is collected while another starts blocks it for good.
+        assert not [each for each in gc.get_objects() if type(each) is distributed.Client]
+    finally:
+        gc.enable()
     assert result.exit_code == 1
     assert f"--scheduler: {address!r}: " in result.output
     assert reason in result.output
