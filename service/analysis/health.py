@@ -19,6 +19,13 @@ MISLEADING = 3.0
 """Residuals larger than this many standard deviations make contacts of what is none. The thresholds of the
 onset are at most six standard deviations of the stated noise; where residuals are three times as large, that
 is at most two of their own, which free motion reaches again and again."""
+CONTRADICTION = 0.05
+"""Sensors that contradict each other, or their noise, in a larger share of the samples show a wrong scene. In
+the recordings of docs/analysis.md, and in those of simulated arms with the right scene, also where two
+contacts act at a time, they do not in any sample."""
+UNEXPLAINED = 0.2
+"""Larger share of the time during which no single contact explains the readings. Among simulated pairs of
+contacts it reaches that, with the right scene it does not otherwise."""
 _COMPONENTS = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 
 
@@ -26,16 +33,20 @@ def warning(analysis: Analysis) -> str:
     """Why the contacts as a whole are not to be relied on, and what to do; empty if they are."""
     if not analysis.is_ordered:
         return ""  # the residuals say nothing about the scene
-    reasons = []
+    found, reasons = analysis.residuals, []
     if analysis.doubt:
         reasons.append("the readings have not fitted a free arm since the recording began")
     worst = max((float(ratio.max()) for _, _, ratio in _ratios(analysis)), default=0.0)
     if worst > MISLEADING:
         reasons.append(f"residuals without contact are up to {worst:.1f} times their standard deviation")
+    # At low rates the reason is how the arm moves between two samples, see `health`.
+    if found.inconsistent > CONTRADICTION * analysis.samples and analysis.step <= LONG_STEP:
+        share = _share(found.inconsistent, analysis.samples)
+        reasons.append(f"in {share} of the samples sensors contradicted each other or their noise")
     unused = [
         name
         for i, (name, there) in enumerate(in_scene(analysis.scene).items())
-        if there and analysis.residuals.missing[i] == analysis.samples
+        if there and found.missing[i] == analysis.samples
     ]
     if unused and analysis.judged:
         reasons.append(f"{' and '.join(unused)} could not be used in any sample")
@@ -66,6 +77,8 @@ def health(analysis: Analysis) -> list[tuple[bool, str]]:
                 "missing, invalid or inconsistent, or the observers settled.",
             )
         )
+    if unexplained := _unexplained(analysis):
+        findings.append((False, unexplained))
     if not analysis.is_ordered:
         findings.append(
             (
@@ -99,6 +112,17 @@ def health(analysis: Analysis) -> list[tuple[bool, str]]:
         advice = "" if well else " Calibrate on contact-free motion, or state more noise."
         findings.append((well, f"{name}: residuals without contact in standard deviations: {text}.{advice}"))
     return findings
+
+
+def _unexplained(analysis: Analysis) -> str:
+    """What is said where no single contact explains the readings for a long time; empty if that is not so."""
+    contacts = [contact.duration for contact in analysis.contacts if not contact.link]
+    if sum(contacts) <= UNEXPLAINED * (analysis.duration - analysis.gap_seconds):
+        return ""
+    return (
+        f"For {sum(contacts):.1f} s the readings are neither those of a free arm nor those of one contact: "
+        "several contacts at a time, or a payload that the scene does not have?"
+    )
 
 
 def unusable_steps(step: float) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 
 from contactsense import BlockEstimates
 from contactsense.robots.jit.kernel import kernel
-from contactsense.sensors.stream_state import DEGRADED, MAX_SENSORS, MISSING, TOUCHED
+from contactsense.sensors.stream_state import DEGRADED, INCONSISTENT, MAX_SENSORS, MISSING, TOUCHED
 
 BINS = 1200
 """Maximum number of points of a curve over a whole recording."""
@@ -45,6 +45,8 @@ class ResidualSummary:
     """Samples with one."""
     degraded: int
     """Samples in which a sensor was missing, invalid or inconsistent, or the observers were settling."""
+    inconsistent: int
+    """Samples in which the sensors contradicted each other, or a sensor its noise."""
     missing: tuple[int, ...]
     """Samples in which each sensor was missing: base sensor, joint torques, link sensors."""
 
@@ -72,7 +74,8 @@ class _Statistics(NamedTuple):
     """How many of these samples have a residual that can be used: base wrench, joint torques, shape (2,),
     int64."""
     counts: np.ndarray
-    """Samples that are free, touched, degraded, usable, and in which each sensor is missing, int64."""
+    """Samples that are free, touched, degraded, usable, inconsistent, and in which each sensor is missing,
+    int64."""
     held: np.ndarray
     """Squared ratios of the newest sample, free unless the next one has a contact, shape (6 + n,)."""
     held_counts: np.ndarray
@@ -97,7 +100,7 @@ class ResidualStatistics:
             np.full((BINS, 1 + joints), np.nan),
             np.zeros(6 + joints),
             np.zeros(2, dtype=np.int64),
-            np.zeros(4 + MAX_SENSORS, dtype=np.int64),
+            np.zeros(5 + MAX_SENSORS, dtype=np.int64),
             np.zeros(6 + joints),
             np.zeros(3, dtype=np.int64),
         )
@@ -117,7 +120,7 @@ class ResidualStatistics:
         """Summary of the blocks so far."""
         width, largest, std, squares, squared, counts, held, held_counts = self._collected
         filled = np.flatnonzero(np.isfinite(largest[:, 0]))
-        free, touched, degraded, usable, *missing = counts.tolist()
+        free, touched, degraded, usable, inconsistent, *missing = counts.tolist()
         free, squares, squared = free + int(held_counts[0]), squares + held, squared + held_counts[1:]
         ratio = np.sqrt(squares / np.repeat(np.maximum(squared, 1), (6, len(squares) - 6)))
         largest, std = largest[filled], std[filled]
@@ -134,6 +137,7 @@ class ResidualStatistics:
             usable=usable,
             touched=touched,
             degraded=degraded,
+            inconsistent=inconsistent,
             missing=tuple(missing),
         )
 
@@ -158,8 +162,9 @@ def _add(
         touched, degraded = flags[i] & TOUCHED != 0, flags[i] & DEGRADED != 0
         counts[1] += touched
         counts[2] += degraded
+        counts[4] += flags[i] & INCONSISTENT != 0
         for k in range(MAX_SENSORS):
-            counts[4 + k] += flags[i] & MISSING << k != 0
+            counts[5 + k] += flags[i] & MISSING << k != 0
         # An onset is detected at the second sample above the threshold; the first one is part of the contact.
         if not touched:
             _count_held(collected)

@@ -167,7 +167,7 @@ def test_residuals_far_above_the_noise_are_warned_of() -> None:
         contacts=(),
         residuals=ResidualSummary(
             *(np.zeros(0) for _ in range(4)), np.zeros((0, 6)), np.zeros((0, 6)), np.ones(6), np.full(6, 2.9),
-            free=100, usable=100, touched=0, degraded=0, missing=(0, 0),
+            free=100, usable=100, touched=0, degraded=0, inconsistent=0, missing=(0, 0),
         ),
     )  # fmt: skip
     assert warning(found) == ""

@@ -1,14 +1,19 @@
 """What stands beside forces and limits in terminal and reports where they may mislead."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pa_parquet
 import pytest
 from click.testing import CliRunner
 
-from contactsense import Scene
+from contactsense import Scene, WrenchSensor
 from contactsense.sensors.settings import LinkWrenchSensor
+from contactsense.service.analysis import analyze as run_analysis
+from contactsense.service.analysis.health import health, warning
 from contactsense.service.analysis.undetermined_forces import undetermined_forces
 from contactsense.service.cli.analyze import analyze
 from tests.service.analysis.recordings import demo, write_motion
@@ -55,6 +60,36 @@ def test_links_beyond_a_sensor_in_the_arm_are_determined() -> None:
     assert undetermined_forces(beyond) == ""
     above = scene.model_copy(update={"touchable": ("upper_arm", "forearm")})
     assert "little may not be listed" in undetermined_forces(above)
+
+
+def test_a_delay_that_the_scene_does_not_state_is_warned_of(tmp_path: Path) -> None:
+    """Two clocks that differ by 10 ms turned the contacts before and after a movement into one."""
+    path = write_motion(demo(), tmp_path / "demo.parquet")
+    table, late = pa_parquet.read_table(path), 5
+    for i in range(6):
+        name = f"base_wrench_{i}"
+        values = table[name].to_numpy()
+        delayed = np.concatenate((np.repeat(values[:1], late), values[:-late]))
+        table = table.set_column(table.column_names.index(name), name, pa.array(delayed))
+    pa_parquet.write_table(table, tmp_path / "late.parquet")
+    assert warning(run_analysis(path, Scene(robot="ur5e"))) == ""
+    found = run_analysis(tmp_path / "late.parquet", Scene(robot="ur5e"))
+    assert "% of the samples sensors contradicted each other or their noise" in warning(found)
+    right = Scene(robot="ur5e", base_wrench=WrenchSensor(delay=late * 0.002))
+    assert warning(run_analysis(tmp_path / "late.parquet", right)) == ""
+
+
+@pytest.mark.parametrize(("moment", "shown"), [((60.0, -40.0, 50.0), True), ((0.0, 0.0, 0.0), False)])
+def test_a_load_that_no_contact_explains_is_reported(
+    tmp_path: Path, moment: tuple[float, ...], shown: bool
+) -> None:
+    motion = demo()
+    wrench = motion.base_wrench.copy()
+    # Once the arm has been free for a while, so that the beginning does not give it away.
+    wrench[1000:1400, 3:] += moment
+    path = write_motion(replace(motion, base_wrench=wrench), tmp_path / "load.parquet", last=1400)
+    lines = [text for well, text in health(run_analysis(path, Scene(robot="ur5e"))) if not well]
+    assert any("or a payload that the scene does not have" in text for text in lines) == shown
 
 
 def test_limits_in_each_others_place_are_warned_of(folder: Path, tmp_path: Path) -> None:
