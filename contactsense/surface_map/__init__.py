@@ -1,2 +1,1 @@
-"""Surface map: what a set of sensors can determine about a push on each place of the arm, from
-covariances."""
+"""Surface map: what a set of sensors can determine about a push on each place of the arm."""

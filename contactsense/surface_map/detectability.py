@@ -1,4 +1,8 @@
-"""`detectability`: what the sensors of a scene can tell about a push on each place of the arm."""
+"""`detectability`: what the sensors of a scene can tell about a push on each place of the arm.
+
+Smallest forces follow from the distribution of the residuals' energy. Errors and probabilities of links are
+those of the localizer's answers to a few readings of each push, at fixed points of the noise's distribution.
+"""
 
 from typing import NamedTuple
 
@@ -10,21 +14,13 @@ from contactsense.kinematics.model import Motion, empty_motion
 from contactsense.plausibility.plausible_limits import PlausibleLimits
 from contactsense.robots.attribute_docs import with_attributes
 from contactsense.scene import Scene, check_scene
-from contactsense.scene_model.constants import Constants, build_constants
 from contactsense.scene_model.reading_limits import LARGEST_FORCE
 from contactsense.sensors.validation import checked_vector
-from contactsense.surface_map.cell_evidence import CellEvidence, cell_evidence
-from contactsense.surface_map.expected_answers import expected_answers
-from contactsense.surface_map.noise_points import readings
-from contactsense.surface_map.place_error import (
-    line_of_action_known,
-    place_covariance,
-    place_gain,
-    push_jacobian,
-    radius_of_share,
-)
-from contactsense.surface_map.places import Places, on_surface, touchable_places
-from contactsense.surface_map.sensor_response import sensor_response
+from contactsense.static_localizer import StaticLocalizer
+from contactsense.surface_map.noise_points import noisy_residuals
+from contactsense.surface_map.place_gain import place_gain, push_jacobian
+from contactsense.surface_map.places import Places, touchable_places
+from contactsense.surface_map.sensor_response import readings_of, sensor_response
 from contactsense.surface_map.smallest_force import detected_size, smallest_force
 
 MIN_NAMED = 0.2
@@ -112,9 +108,10 @@ def detectability(
     friction: float = 0.0,
     every: int = 1,
 ) -> Detectability:
-    """What the sensors of a scene can tell about a push on each place of the arm, from covariances.
+    """What the sensors of a scene can tell about a push on each place of the arm.
 
-    For one measurement of an arm at rest, as `Localizer.locate` takes it. An average over N measurements has
+    For one measurement of an arm at rest, as `Localizer.locate` takes it; errors and link probability are
+    those of its answers to simulated readings. An average over N measurements has
     1 / sqrt(N) of the noise, and of the forces. The model, the bias and the surface are assumed to be right,
     but for the errors that the scene states.
 
@@ -148,28 +145,32 @@ def detectability(
     q = checked_vector("q", q, joints, "rad")
     if (beyond := PlausibleLimits(scene).position(q)) is not None:
         raise ValueError(f"q: {beyond.reason}")
-    constants, motion = build_constants(scene), empty_motion(joints)
+    localizer, motion = StaticLocalizer(scene, "joint", None), empty_motion(joints)
+    constants = localizer.constants
     forward_kinematics(constants.model, q, motion)
-    response = sensor_response(scene, constants, motion)
-    surface = [
-        touchable_places(constants, motion, samples) for samples in (constants.samples, constants.subsamples)
-    ]
-    if not all(len(cells.link) for cells in surface):
+    places = touchable_places(constants, motion)
+    if not len(places.link):
         raise ValueError(
             "q: no place can be touched in this posture: other links or bodies of the scene cover the whole "
             "touchable surface"
         )
-    coarse, fine = (cell_evidence(response[cells.link], cells, constants.prior, force) for cells in surface)
-    places = Places(*(values[::every] for values in coarse.cells))
-    at_place = response[places.link]
-    weakest = smallest_force(at_place, detected_size(scene, detection), places.point, places.normal)
-    named, error, error_95 = _expected(constants, motion, coarse, fine, places, at_place, force, friction)
-    # Where the line of action is known the answer is one mode, whose covariance is exact for small noise.
-    known = line_of_action_known(response, motion.origin[constants.sensors.depth], force)[places.link]
-    covariance = place_covariance(at_place, places, constants.prior, force, friction)[0]
-    error = np.where(known, radius_of_share(covariance, 0.5), error)
-    error_95 = np.where(known, radius_of_share(covariance, 0.95), error_95)
-    unknown = np.isinf(weakest) | (named < MIN_NAMED)
+    places = Places(*(values[::every] for values in places))
+    response = sensor_response(scene, constants, motion)[places.link]
+    weakest = smallest_force(response, detected_size(scene, detection), places.point, places.normal)
+    jacobians = (of(response, places, constants.prior, force) for of in (push_jacobian, place_gain))
+    inclination = friction / places.friction_ratio
+    residuals = np.stack(
+        [noisy_residuals(*of_place) for of_place in zip(*jacobians, inclination, strict=True)]
+    )
+    link, point = _answers(localizer, motion, q, residuals)
+    right = link == places.link[:, None]
+    named = right.mean(axis=1)
+    distance = np.linalg.norm(point - places.point[:, None], axis=2)
+    radii = [
+        np.quantile(of_place[on], (0.5, 0.95)) if share >= MIN_NAMED else (np.inf, np.inf)
+        for of_place, on, share in zip(distance, right, named, strict=True)
+    ]
+    error, error_95 = np.where(np.isfinite(weakest), np.transpose(radii), np.inf)
     return Detectability(
         link_names=scene.link_names,
         link=places.link,
@@ -177,8 +178,8 @@ def detectability(
         normal_base=places.normal,
         share=places.share / places.share.sum(),
         smallest_force=weakest,
-        error=np.where(unknown, np.inf, error),
-        error_95=np.where(unknown, np.inf, error_95),
+        error=error,
+        error_95=error_95,
         link_probability=named,
         force=float(force),
         friction=float(friction),
@@ -187,40 +188,22 @@ def detectability(
     )
 
 
-def _expected(
-    constants: Constants,
-    motion: Motion,
-    coarse: CellEvidence,
-    fine: CellEvidence,
-    places: Places,
-    response: np.ndarray,
-    force: float,
-    friction: float,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Share of the answers that name the link, and the radii that hold half and 95 % of these, shapes (N,);
-    the radii are NaN without such answers.
+def _answers(
+    localizer: StaticLocalizer, motion: Motion, q: np.ndarray, residuals: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The localizer's answers to K readings of the push on each of N places.
 
     Args:
-        constants, motion: Of the scene.
-        coarse, fine: Cells and subcells of the surface.
-        places: N places.
-        response: `sensor_response` of each place's link, shape (N, rows, 6).
-        force, friction: As for `detectability`.
+        localizer: Of the scene.
+        motion, q: Posture.
+        residuals: Of the readings, in units of their noise, shape (N, K, rows).
+
+    Returns:
+        Link of each answer, -1 if no push explains the reading, shape (N, K), int64; its place, shape (N, K,
+        3) [m].
     """
-    pushes = push_jacobian(response, places, constants.prior, force)
-    gains = place_gain(response, places, constants.prior, force)
-    inclinations = friction / places.friction_ratio
-    answers = [
-        expected_answers(coarse, fine, push[:, 0], readings(push, gain, float(inclination)))
-        for push, gain, inclination in zip(pushes, gains, inclinations, strict=True)
-    ]
-    link = np.stack([answer.link for answer in answers])
-    point = on_surface(constants, motion, link, np.stack([answer.point for answer in answers]))
-    right = link == places.link[:, None]
-    distance = np.linalg.norm(point - places.point[:, None], axis=2)
-    radii = [
-        np.quantile(d[r], (0.5, 0.95)) if r.any() else (np.nan, np.nan)
-        for d, r in zip(distance, right, strict=True)
-    ]
-    half, most = np.array(radii).T
-    return right.mean(axis=1), half, most
+    shape = residuals.shape[:2]
+    rows = residuals.reshape(-1, residuals.shape[2])
+    readings = readings_of(localizer.scene, localizer.constants, motion, rows)
+    found = localizer.locate_batch(np.broadcast_to(q, (len(rows), len(q))), **readings, detect=False)
+    return found.link.reshape(shape), found.point_base.reshape(*shape, 3)

@@ -1,4 +1,4 @@
-"""Readings of a push at fixed points of the noise's distribution: a quasi-Monte Carlo rule with few points.
+"""Residuals of a push at fixed points of the noise's distribution: a quasi-Monte Carlo rule with few points.
 
 A median over such points is far more accurate than one over as many random draws if the first two dimensions
 of the sequence, which it fills most evenly, are those that move the answer: the two directions of the noise
@@ -13,16 +13,16 @@ from scipy.special import ndtri
 from scipy.stats import qmc
 
 POINTS = 64
-"""Readings per place; a power of two, as Sobol points need."""
+"""Number of points per place; a power of two, as Sobol points need."""
 
 
-def readings(push: np.ndarray, gain: np.ndarray, inclination: float) -> np.ndarray:
-    """Readings of one push with noise, in units of the noise.
+def noisy_residuals(push: np.ndarray, gain: np.ndarray, inclination: float) -> np.ndarray:
+    """Residuals of one push with noise, in units of the noise.
 
     Args:
-        push: `contactsense.surface_map.place_error.push_jacobian` at the place, shape (rows, 4); its first
-            column is the mean reading of a push along the inward normal.
-        gain: `contactsense.surface_map.place_error.place_gain` at the place, shape (2, rows).
+        push: `contactsense.surface_map.place_gain.push_jacobian` at the place, shape (rows, 4); its first
+            column is the mean residual of a push along the inward normal.
+        gain: `contactsense.surface_map.place_gain.place_gain` at the place, shape (2, rows).
         inclination: Largest ratio of tangential to normal force, in units of its prior, uniform on the disc;
             with it comes torsion as in its prior. 0: along the inward normal.
 

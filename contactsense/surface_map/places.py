@@ -5,18 +5,11 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense.kinematics.model import Motion
-from contactsense.localization.surface_samples import (
-    MOUNTING_HEIGHT,
-    SurfaceSamples,
-    SurfaceSubsamples,
-    cover_distances,
-)
+from contactsense.localization.surface_samples import MOUNTING_HEIGHT, SurfaceSamples, cover_distances
 from contactsense.robots.rotations import symmetric
 from contactsense.robots.surface.convex_primitives import Surfaces, curvature
 from contactsense.robots.surface.union import distances
 from contactsense.scene_model.constants import Constants
-
-_PROJECTIONS = 2
 
 
 class Places(NamedTuple):
@@ -32,8 +25,6 @@ class Places(NamedTuple):
     """Two unit tangents as columns, shape (N, 3, 2)."""
     turn: np.ndarray
     """Change of the normal per step along each tangent, as columns, shape (N, 3, 2) [1/m]."""
-    spread: np.ndarray
-    """Standard deviation of the surface cell around the place along each tangent, shape (N,) [m]."""
     share: np.ndarray
     """Share of the cell in the surface of all N places, shape (N,)."""
     friction_ratio: np.ndarray
@@ -41,9 +32,7 @@ class Places(NamedTuple):
     surface included, shape (N,)."""
 
 
-def touchable_places(
-    constants: Constants, motion: Motion, samples: SurfaceSamples | SurfaceSubsamples
-) -> Places:
+def touchable_places(constants: Constants, motion: Motion) -> Places:
     """Samples of the surface that can be touched in one posture.
 
     A place that another body covers has no free height for a finger above it (`Scene.clearance`); neither
@@ -52,9 +41,8 @@ def touchable_places(
     Args:
         constants: Of the scene.
         motion: Poses of the links.
-        samples: Samples of the surface, link frames.
     """
-    surfaces, depth = constants.surfaces, constants.sensors.depth
+    surfaces, samples, depth = constants.surfaces, constants.samples, constants.sensors.depth
     link = surfaces.link[samples.primitive]
     rotation, origin = motion.rotation[depth[link]], motion.origin[depth[link]]
     point = origin + np.einsum("nij,nj->ni", rotation, samples.point)
@@ -75,35 +63,9 @@ def touchable_places(
         normal=normal[free],
         tangents=tangents[free],
         turn=turn[free],
-        spread=samples.spread[free],
         share=share / share.sum(),
         friction_ratio=np.hypot(constants.prior.friction_ratio, samples.tilt[free]),
     )
-
-
-def on_surface(constants: Constants, motion: Motion, link: np.ndarray, point: np.ndarray) -> np.ndarray:
-    """Nearest points on the surfaces of links, base frame.
-
-    Args:
-        constants, motion: Of the scene, and the poses of its links.
-        link: Index of each point's link; -1 leaves the point as it is, shape (...).
-        point: Base frame, shape (..., 3) [m].
-
-    Returns:
-        Shape (..., 3) [m].
-    """
-    found = point.copy()
-    for index, body in enumerate(constants.sensors.depth):
-        on = link == index
-        if on.any():
-            rotation, origin = motion.rotation[body], motion.origin[body]
-            place = (point[on] - origin) @ rotation
-            # At a concave edge, the nearest point of one primitive may lie inside another.
-            for _ in range(_PROJECTIONS):
-                distance, _, normal = distances(constants.surfaces, place, index)
-                place -= distance[:, None] * normal
-            found[on] = place @ rotation.T + origin
-    return found
 
 
 def _tangents(normal: np.ndarray) -> np.ndarray:
@@ -114,7 +76,7 @@ def _tangents(normal: np.ndarray) -> np.ndarray:
     return np.stack((first, np.cross(normal, first)), axis=2)
 
 
-def _shape_operators(surfaces: Surfaces, samples: SurfaceSamples | SurfaceSubsamples) -> np.ndarray:
+def _shape_operators(surfaces: Surfaces, samples: SurfaceSamples) -> np.ndarray:
     """Shape operator of the surface at each sample, link frame, shape (N, 3, 3) [1/m]."""
     found = np.zeros((len(samples.point), 3, 3))
     for i, p in enumerate(samples.primitive):

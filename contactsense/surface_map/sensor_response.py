@@ -1,4 +1,6 @@
-"""Linear response of all sensors to a contact wrench, in units of their noise, for an arm at rest."""
+"""Linear response of all sensors, in units of their noise, to a contact wrench on an arm at rest; inverse."""
+
+from typing import Any
 
 import numpy as np
 
@@ -7,6 +9,7 @@ from contactsense.kinematics.wrench_transform import wrench_transform
 from contactsense.residuals.joint_friction import unmodelled_torque_std
 from contactsense.scene import Scene
 from contactsense.scene_model.constants import Constants
+from contactsense.sensors.link_values import as_fields
 
 
 def sensor_response(scene: Scene, constants: Constants, motion: Motion) -> np.ndarray:
@@ -32,18 +35,55 @@ def sensor_response(scene: Scene, constants: Constants, motion: Motion) -> np.nd
         root = np.linalg.cholesky(sensors.base_information).T
         parts.append(np.broadcast_to(root, (links, 6, 6)))
     if scene.joint_torque is not None:
-        unmodelled = [unmodelled_torque_std(constants.torque_model, j, 0.0) for j in range(joints)]
-        std = np.sqrt(sensors.torque_variance + np.square(unmodelled))
         proximal = np.arange(joints) < sensors.depth[:, None]
-        parts.append(proximal[:, :, None] * (motion.screw / std[:, None]))
-    mounted = constants.link_sensors
-    for s, body in enumerate(mounted.body):
-        place = motion.origin[body] + motion.rotation[body] @ mounted.origin[s]
-        about_sensor = wrench_transform(np.eye(3), -place)
-        std = np.sqrt(np.repeat(sensors.link_variance[s], 3))
+        parts.append(proximal[:, :, None] * (motion.screw / _torque_std(constants)[:, None]))
+    for s in range(len(constants.link_sensors.body)):
         sees = np.arange(links) >= sensors.first_link[s]
-        parts.append(sees[:, None, None] * (about_sensor / std[:, None]))
+        parts.append(sees[:, None, None] * _of_link_sensor(constants, motion, s))
     return np.concatenate(parts, axis=1)
+
+
+def readings_of(scene: Scene, constants: Constants, motion: Motion, residuals: np.ndarray) -> dict[str, Any]:
+    """External readings whose residuals, in units of their noise, are given.
+
+    Args:
+        scene, constants, motion: As for `sensor_response`.
+        residuals: In the order of its rows, shape (N, rows).
+
+    Returns:
+        The readings as arguments of `contactsense.Localizer.locate_batch`.
+    """
+    base_rows = 0 if scene.base_wrench is None else 6
+    torque_rows = 0 if scene.joint_torque is None else len(motion.screw)
+    rows = base_rows, torque_rows, *(6 for _ in scene.link_sensors)
+    base, torque, *links = np.split(residuals, np.cumsum(rows)[:-1], axis=1)
+    root = np.linalg.cholesky(constants.sensors.base_information).T
+    values = {
+        name: np.linalg.solve(_of_link_sensor(constants, motion, s), link.T).T
+        for s, (name, link) in enumerate(zip(scene.link_sensors, links, strict=True))
+    }
+    return {
+        "base_wrench": np.linalg.solve(root, base.T).T if base_rows else None,
+        # The torque of the actuator is opposed to that of the contact.
+        "joint_torque": -_torque_std(constants) * torque if torque_rows else None,
+        **as_fields(values),
+    }
+
+
+def _torque_std(constants: Constants) -> np.ndarray:
+    """Standard deviation of each joint torque at rest, shape (n,) [Nm]."""
+    variance = constants.sensors.torque_variance
+    unmodelled = [unmodelled_torque_std(constants.torque_model, j, 0.0) for j in range(len(variance))]
+    return np.asarray(np.sqrt(variance + np.square(unmodelled)))
+
+
+def _of_link_sensor(constants: Constants, motion: Motion, s: int) -> np.ndarray:
+    """Readings of link sensor s, in units of their noise, per wrench about the base origin, shape (6, 6)."""
+    mounted = constants.link_sensors
+    body = mounted.body[s]
+    place = motion.origin[body] + motion.rotation[body] @ mounted.origin[s]
+    std = np.sqrt(np.repeat(constants.sensors.link_variance[s], 3))
+    return np.asarray(wrench_transform(np.eye(3), -place) / std[:, None])
 
 
 def wrench(force: np.ndarray, point: np.ndarray) -> np.ndarray:

@@ -9,16 +9,10 @@ from contactsense import Detectability, JointTorqueSensor, Scene, WrenchSensor, 
 from contactsense.benchmarks.accuracy.static_cases import Noise
 from contactsense.benchmarks.accuracy.surface_map import compare, scene_of
 from contactsense.detection.thresholds import SampleThresholds
-from contactsense.kinematics.forward_kinematics import forward_kinematics
-from contactsense.kinematics.model import empty_motion
 from contactsense.robots import load
 from contactsense.robots.link_poses import link_poses
 from contactsense.robots.primitives import Sphere
 from contactsense.robots.surroundings import Body
-from contactsense.scene_model.constants import build_constants
-from contactsense.surface_map.place_error import place_covariance, radius_of_share
-from contactsense.surface_map.places import touchable_places
-from contactsense.surface_map.sensor_response import sensor_response
 from contactsense.surface_map.smallest_force import detected_size
 
 Q = np.array([0.0, -1.3, 1.6, -1.9, -1.57, 0.0])
@@ -52,8 +46,9 @@ def test_twice_the_noise_needs_twice_the_force(both: Detectability) -> None:
     noisy = scene(
         base_wrench=WrenchSensor(force_noise=0.5, moment_noise=0.1),
         joint_torque=JointTorqueSensor(noise=2.0),
+        force=2.0 * both.force,
     )
-    found = inclined(noisy, force=2.0 * both.force)
+    found = inclined(noisy)
     np.testing.assert_allclose(found.smallest_force, 2.0 * both.smallest_force, rtol=1e-9)
     # The same ratio of force to noise: the same errors.
     np.testing.assert_allclose(found.error, both.error, rtol=1e-6)
@@ -62,7 +57,11 @@ def test_twice_the_noise_needs_twice_the_force(both: Detectability) -> None:
 
 def test_errors_fall_with_the_force(both: Detectability) -> None:
     stronger = inclined(scene(base_wrench=BASE, joint_torque=TORQUE), force=3.0 * both.force)
-    assert (stronger.error < both.error).all()
+    # Not where another link explains the same readings as well: it is named then, more surely for a stronger
+    # the push.
+    told = both.link_probability > 0.5
+    assert told.mean() > 0.95
+    assert (stronger.error < both.error)[told].all()
     assert stronger.share @ stronger.link_probability > both.share @ both.link_probability
 
 
@@ -76,21 +75,10 @@ def test_a_base_sensor_makes_nothing_worse(both: Detectability, torques: Detecta
     assert (both.smallest_force < 5.0).all()
 
 
-def test_joint_torques_make_no_covariance_larger(both: Detectability, torques: Detectability) -> None:
-    constants, motion = build_constants(scene(base_wrench=BASE, joint_torque=TORQUE)), empty_motion(6)
-    forward_kinematics(constants.model, Q, motion)
-    places = touchable_places(constants, motion, constants.samples)
-    radii = []
-    for torque in (TORQUE, None):
-        response = sensor_response(scene(base_wrench=BASE, joint_torque=torque), constants, motion)
-        covariance, _ = place_covariance(response[places.link], places, constants.prior, both.force, 0.5)
-        radii.append(radius_of_share(covariance, 0.5))
-    assert (radii[0] <= radii[1] * (1.0 + 1e-9)).all()
-    assert (radii[0] < 0.99 * radii[1]).any()
-    # Errors and probabilities of the map come from few points of the noise, and obey the law only roughly.
-    assert np.isfinite(both.error).all()
-    # Without a base sensor at most six torques are left, and the place is open.
-    told = np.isfinite(torques.error)
+def test_a_base_sensor_makes_errors_smaller(both: Detectability, torques: Detectability) -> None:
+    assert np.isfinite(both.error).mean() > 0.98
+    # Without it at most six torques are left, and the place is open.
+    told = np.isfinite(torques.error) & np.isfinite(both.error)
     assert told.any()
     assert np.median(torques.error[told]) > 3.0 * np.median(both.error[told])
 
@@ -109,8 +97,11 @@ def test_the_map_turns_with_the_arm(both: Detectability) -> None:
     )
     np.testing.assert_allclose(turned.smallest_force, both.smallest_force, rtol=1e-9)
     # The points at which the noise is evaluated do not turn with it.
-    assert np.median(turned.error / both.error) == pytest.approx(1.0, abs=0.02)
-    assert np.mean(np.abs(turned.error / both.error - 1.0) < 0.2) > 0.95
+    told = np.isfinite(both.error)
+    ratio = turned.error[told] / both.error[told]
+    assert np.median(ratio) == pytest.approx(1.0, abs=0.02)
+    assert np.mean(np.abs(ratio - 1.0) < 0.2) > 0.9
+    assert both.share @ np.abs(turned.link_probability - both.link_probability) < 0.02
 
 
 @pytest.mark.slow
@@ -152,14 +143,6 @@ def test_the_detected_size_is_detected_as_often() -> None:
         assert np.mean(energy > level) == pytest.approx(detection, abs=0.005)
 
 
-def test_the_radius_holds_its_share() -> None:
-    covariance = np.array([np.eye(2), np.diag([1.0, 0.0]), [[2.0, 1.0], [1.0, 3.0]]])
-    radius = radius_of_share(covariance, 0.5)
-    np.testing.assert_allclose(radius[:2], [np.sqrt(2.0 * np.log(2.0)), 0.67449], rtol=1e-3)
-    points = np.random.default_rng(0).multivariate_normal(np.zeros(2), covariance[2], 200_000)
-    assert np.mean(np.linalg.norm(points, axis=1) < radius[2]) == pytest.approx(0.5, abs=0.005)
-
-
 @pytest.mark.parametrize(
     ("fields", "message"),
     [
@@ -186,26 +169,12 @@ def test_a_posture_in_which_bodies_cover_everything_is_refused() -> None:
 
 
 @pytest.mark.slow
-def test_the_map_agrees_with_the_localizer() -> None:
-    # Errors that are small beside the radius of the links: the map is linear.
-    quiet = scene_of("ur5e", Noise(0.05, 0.01, 0.3), "all")
-    found = compare(quiet, Q, 20.0, 0.0, 150, np.random.default_rng(0), every=4)
+@pytest.mark.parametrize("sensors", ["all", "torques"])
+@pytest.mark.parametrize("noise", [Noise(0.05, 0.01, 0.3), Noise(1.0, 0.2, 3.0)])
+def test_the_map_agrees_with_other_draws_of_the_noise(noise: Noise, sensors: str) -> None:
+    found = compare(scene_of("ur5e", noise, sensors), Q, 20.0, 0.0, 150, np.random.default_rng(0), every=8)
     for ratio in (found.force_ratio, found.error_ratio):
         agreement = found.within(ratio)
         assert agreement is not None
         assert agreement >= 0.9
-    assert found.share @ np.abs(found.link_difference) < 0.05
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("sensors", "at_least"), [("all", 0.8), ("torques", 0.6)])
-def test_the_map_agrees_where_the_place_is_open(sensors: str, at_least: float) -> None:
-    # Errors of a centimetre and more: a covariance agrees on two thirds of the surface with all sensors, and
-    # tells nothing with torques alone.
-    found = compare(
-        scene_of("ur5e", Noise(1.0, 0.2, 3.0), sensors), Q, 20.0, 0.0, 150, np.random.default_rng(0), every=8
-    )
-    agreement = found.within(found.error_ratio)
-    assert agreement is not None
-    assert agreement >= at_least
-    assert found.share @ np.abs(found.link_difference) < 0.15
+    assert found.share @ np.abs(found.link_difference) < 0.04
