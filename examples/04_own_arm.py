@@ -1,6 +1,6 @@
 """An arm of one's own: URDF -> primitives -> scene -> contact. Run it: python examples/04_own_arm.py
 
-Needs the packages of the extra: pip install "contactsense[geometry]". Here the URDF is a small arm of three
+Needs the packages of the extra: pip install '.[geometry]'. Here the URDF is a small arm of three
 links; with yours, its visual meshes are read, and the fit takes some minutes.
 """
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from contactsense.robots import yaml_schema as schema
 from contactsense.robots.errors import RobotError, SurfaceFileError, UnknownRobotError
+from contactsense.robots.extras import install_command
 from contactsense.robots.robot import Robot
 
 MESH_SUFFIXES = (".ply", ".dae", ".obj", ".stl", ".glb")
@@ -89,7 +90,7 @@ def from_urdf(path: str | Path, tip: str | None = None, name: str | None = None)
         from contactsense.robots import urdf
     except ImportError as error:
         raise RobotError(
-            f"{path}: a URDF needs the extra packages: pip install contactsense[geometry] ({error})"
+            f"{path}: a URDF needs the extra packages: {install_command('geometry')} ({error})"
         ) from error
     surface = Path(path).with_suffix(".surface.yaml")
     if not surface.exists():

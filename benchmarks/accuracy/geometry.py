@@ -15,6 +15,7 @@ from contactsense.benchmarks import options
 from contactsense.benchmarks.accuracy.link_geometry import measure_links, print_links
 from contactsense.robots import Link, Robot, RobotError
 from contactsense.robots import yaml_schema as schema
+from contactsense.robots.extras import install_command
 from contactsense.robots.library import surface_file
 from contactsense.robots.surface.signed_distance_grid import Grids, project_to_skin, sample
 from contactsense.robots.vectors import vector
@@ -51,7 +52,7 @@ def geometry(meshes: Path, names: tuple[str, ...], links: bool, as_json: bool) -
             rows += measure(library.load(name), meshes / name)
     except ImportError as error:
         raise click.ClickException(
-            f"bench geometry needs the extra packages: pip install contactsense[geometry] ({error})"
+            f"bench geometry needs the extra packages: {install_command('geometry')} ({error})"
         ) from error
     except RobotError as error:
         raise click.ClickException(str(error)) from error

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from contactsense import JointTorqueSensor, Scene, robots
 from contactsense.robots import Robot
+from contactsense.robots.extras import install_command
 from contactsense.robots.yaml_schema import with_surface
 from contactsense.scene import LinkPrior
 
@@ -29,7 +30,7 @@ def urdf() -> Path:
     try:
         files = metadata.files(_PACKAGE) or []
     except metadata.PackageNotFoundError:
-        raise NoPandaError(f"the package {_PACKAGE} is not installed: pip install '.[panda]'") from None
+        raise NoPandaError(f"the package {_PACKAGE} is not installed: {install_command('panda')}") from None
     return next(Path(str(file.locate())) for file in files if file.name == "panda.urdf")
 
 

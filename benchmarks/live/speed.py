@@ -13,6 +13,7 @@ from rich.table import Table
 
 from contactsense import JointTorqueSensor, Localizer, Sample, Scene, WrenchSensor
 from contactsense.benchmarks import options
+from contactsense.robots.extras import install_command
 from contactsense.runtime.parallel_batch import usable_cores
 from contactsense.service.mock.script import Script
 from contactsense.service.mock.simulated_arm import Motion, simulate
@@ -87,7 +88,7 @@ def yardstick() -> Callable[[], object]:
     try:
         import pinocchio as pin
     except ImportError:
-        raise click.ClickException("needs Pinocchio: pip install contactsense[test]") from None
+        raise click.ClickException(f"needs Pinocchio: {install_command('test')}") from None
     model = pin.buildSampleModelManipulator()
     data = model.createData()
     q = pin.randomConfiguration(model)

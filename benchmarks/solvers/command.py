@@ -10,6 +10,7 @@ from typing import Any
 import click
 
 from contactsense.benchmarks.solvers.tables import TABLES, Table, Tick, into
+from contactsense.robots.extras import install_command
 
 
 def _show(bar: Any, name: str, step: str) -> None:
@@ -51,9 +52,7 @@ def solvers(count: int, names: tuple[str, ...], as_json: bool, page: Path | None
                 make: Callable[[int, Tick], Table] = TABLES[name]
                 made[name] = make(count, partial(_show, bar, name))
             except ModuleNotFoundError as error:
-                raise click.ClickException(
-                    f"{error.name} is needed: pip install 'contactsense[test]'"
-                ) from None
+                raise click.ClickException(f"{error.name} is needed: {install_command('test')}") from None
             bar.update(1)
     if page is not None:
         try:

@@ -90,7 +90,9 @@ def make(
     truth`, `contactsense bench motion` and the option `--meshes` of benchmarks read."""
     missing = [module for module in _NEEDED if find_spec(module) is None]
     if missing:
-        raise click.ClickException(f"{', '.join(missing)} cannot be imported; install contactsense[truth]")
+        raise click.ClickException(
+            f"{', '.join(missing)} cannot be imported: pip install '.[truth]' in the folder of the sources"
+        )
     if tip is not None and len(files) != 1:
         raise click.UsageError(f"--tip: expected one --urdf, got {len(files)}")
     from . import arm, urdf_arm

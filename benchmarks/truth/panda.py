@@ -22,6 +22,8 @@ def read(name: str) -> Arm:
     try:
         files = metadata.files(_PACKAGE) or []
     except metadata.PackageNotFoundError:
-        raise ImportError(f"{_PACKAGE} cannot be imported; install contactsense[panda]") from None
+        raise ImportError(
+            f"{_PACKAGE} cannot be imported: pip install '.[panda]' in the folder of the sources"
+        ) from None
     path = next(Path(str(file.locate())) for file in files if file.name == "panda.urdf")
     return urdf_arm.read(path.resolve(), name=name, package=_PACKAGE)

@@ -3,6 +3,7 @@
 import numpy as np
 
 from contactsense.robots import RobotError
+from contactsense.robots.extras import install_command
 from contactsense.robots.surface.signed_distance_grid import Grids, Skin
 from contactsense.scene import Scene, SceneError
 
@@ -21,7 +22,7 @@ def skin_of(scene: Scene) -> Grids:
         from contactsense.robots.decomposition.mesh_sources import skin_grids
     except ImportError as error:
         raise SceneError(
-            f"detail: skin needs the extra packages: pip install contactsense[geometry] ({error})"
+            f"detail: skin needs the extra packages: {install_command('geometry')} ({error})"
         ) from None
     try:
         grids = skin_grids(scene.robot, scene.meshes)

@@ -16,6 +16,7 @@ from rich.table import Table
 from contactsense.calibration import Calibration, CalibrationError, FreeMotion, Settings, default_groups
 from contactsense.calibration import calibrate as run
 from contactsense.plausibility.plausible_limits import PlausibleLimits
+from contactsense.robots.extras import install_command
 from contactsense.robots.file_references import moved
 from contactsense.robots.whole_file import write_text
 from contactsense.scene import Scene, SceneError
@@ -137,7 +138,7 @@ def _check_report(folder: Path) -> None:
         import matplotlib  # noqa: F401
     except ImportError as error:
         raise click.ClickException(
-            f"plots need matplotlib: pip install contactsense[geometry] ({error})"
+            f"plots need matplotlib: {install_command('geometry')} ({error})"
         ) from None
 
 

@@ -13,6 +13,7 @@ from rich.table import Table
 
 from contactsense.robots import Robot, RobotError
 from contactsense.robots.deviation_table import lines
+from contactsense.robots.extras import install_command
 from contactsense.robots.library import URDF_SUFFIXES
 from contactsense.robots.whole_file import write_text
 from contactsense.service.cli.decompose_fits import PROGRESS_COLUMNS, fit_all, fit_by_parts
@@ -111,7 +112,7 @@ def decompose(
         from contactsense.robots.decomposition.mesh_sources import read_arm, read_tool
     except ImportError as error:
         raise click.ClickException(
-            f"decompose needs the extra packages: pip install contactsense[geometry] ({error})"
+            f"decompose needs the extra packages: {install_command('geometry')} ({error})"
         ) from error
     if as_tool and as_body:
         raise click.UsageError("--as-tool, --as-body: expected one of them, got both")

@@ -5,13 +5,15 @@ from importlib import import_module
 
 import click
 
-EXTRAS = {"viser": "viewer"}
-"""Package -> the extra that installs it, where that is neither `geometry` nor `test`."""
+from contactsense.robots.extras import install_command
+
+EXTRAS = {"viser": ("viewer",)}
+"""Package -> the extras that install it, where that is neither `geometry` nor `test`."""
 
 
 def missing(command: str, package: str) -> str:
     """What a command says where a package is not installed."""
-    return f"{command} needs {package}: pip install contactsense[{EXTRAS.get(package, 'geometry,test')}]"
+    return f"{command} needs {package}: {install_command(*EXTRAS.get(package, ('geometry', 'test')))}"
 
 
 class LazyGroup(click.Group):

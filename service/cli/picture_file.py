@@ -7,6 +7,8 @@ from typing import Any
 
 import click
 
+from contactsense.robots.extras import install_command
+
 
 class PicturePath(click.Path):
     """A file whose name ends in .png, which is what is written."""
@@ -39,7 +41,7 @@ def picture_file(path: Path) -> Iterator[None]:
         yield
     except ImportError as error:
         raise click.ClickException(
-            f"pictures need the extra packages: pip install contactsense[geometry] ({error})"
+            f"pictures need the extra packages: {install_command('geometry')} ({error})"
         ) from None
     except OSError as error:
         raise click.ClickException(f"{path}: cannot write the picture: {error.strerror or error}") from None

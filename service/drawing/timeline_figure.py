@@ -3,6 +3,7 @@
 import io
 from typing import Any
 
+from contactsense.robots.extras import install_command
 from contactsense.service.analysis.analysis import Analysis
 from contactsense.service.drawing.figure_style import figure_style
 from contactsense.service.drawing.palette import NOWHERE, link_colour
@@ -15,7 +16,7 @@ def timeline_figure(analysis: Analysis) -> Any:
             return _draw(analysis)
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(
-            f"plots need {error.name}: pip install contactsense[notebook]", name=error.name
+            f"plots need {error.name}: {install_command('notebook')}", name=error.name
         ) from None
 
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from contactsense.robots.extras import install_command
 from contactsense.scene import Scene
 from contactsense.sensors.link_values import column_of
 from contactsense.service.recordings.column_mapping import ColumnMapping
@@ -97,7 +98,7 @@ class BagFile:
         except ImportError as error:
             raise RecordingError(
                 f"{self._path}: reading MCAP and rosbag2 needs extra packages: "
-                f"pip install contactsense[mcap] ({error.name})"
+                f"{install_command('mcap')} ({error.name})"
             ) from None
         messages: dict[str, list[Any]] = {}
         store = get_typestore(Stores.ROS2_HUMBLE)

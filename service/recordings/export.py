@@ -9,6 +9,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pa_csv
 
+from contactsense.robots.extras import install_command
 from contactsense.robots.whole_file import whole_file
 from contactsense.scene import Scene
 from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
@@ -128,7 +129,7 @@ def _mcap(
         defined = definitions()
     except ImportError as error:
         raise RecordingError(
-            f"{path}: writing MCAP needs extra packages: pip install contactsense[mcap] ({error.name})"
+            f"{path}: writing MCAP needs extra packages: {install_command('mcap')} ({error.name})"
         ) from None
     with whole_file(path) as unfinished, unfinished.open("wb") as file:
         writer: Any = Writer(file)

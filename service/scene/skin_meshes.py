@@ -1,6 +1,7 @@
 """Whether the meshes of a scene with `detail: skin` are there."""
 
 from contactsense.robots import RobotError
+from contactsense.robots.extras import install_command
 from contactsense.scene import Scene, SceneError
 
 
@@ -17,7 +18,7 @@ def check_meshes(scene: Scene) -> None:
         from contactsense.robots.decomposition.mesh_sources import skin_meshes
     except ImportError as error:
         raise SceneError(
-            f"detail: skin needs the extra packages: pip install contactsense[geometry] ({error})"
+            f"detail: skin needs the extra packages: {install_command('geometry')} ({error})"
         ) from None
     try:
         skin_meshes(scene.robot, scene.meshes)

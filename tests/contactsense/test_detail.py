@@ -108,5 +108,5 @@ def test_skin_without_the_extra_packages_says_how_to_install_them(monkeypatch: p
     monkeypatch.setitem(sys.modules, "contactsense.robots.decomposition.mesh_sources", None)
     scene = Scene(robot="ur5e", detail="skin")
     for call in (Localizer, check_meshes):
-        with pytest.raises(SceneError, match=r"^detail: skin needs .*: pip install contactsense\[geometry\]"):
+        with pytest.raises(SceneError, match=r"^detail: skin needs .*: pip install '\.\[geometry\]'"):
             call(scene)

@@ -209,7 +209,7 @@ def test_a_report_that_cannot_be_made_is_refused_before_the_work(
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     result = CliRunner().invoke(calibrate, [*arguments, str(tmp_path / "other")])
     assert result.exit_code == 1
-    assert result.stderr.startswith("Error: plots need matplotlib: pip install contactsense[geometry]")
+    assert result.stderr.startswith("Error: plots need matplotlib: pip install '.[geometry]'")
 
 
 @pytest.mark.slow

@@ -13,6 +13,8 @@ from contextlib import contextmanager
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
+from contactsense.robots.extras import install_command
+
 MOST_DEATHS = 3
 """A task is abandoned after this many workers have died during it."""
 
@@ -152,7 +154,7 @@ def _on_dask(
     try:
         from distributed import Client, as_completed
     except ImportError:
-        raise WorkerPoolError("--scheduler needs Dask: pip install contactsense[fleet]") from None
+        raise WorkerPoolError(f"--scheduler needs Dask: {install_command('fleet')}") from None
     client, reason = None, ""
     try:
         client = Client(scheduler, timeout=10)  # type: ignore[no-untyped-call]

@@ -109,9 +109,8 @@ def test_absent_packages_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("contactsense.benchmarks.truth.command.find_spec", lambda _name: None)
     done = make("--into", str(tmp_path))
     assert done.exit_code == 1
-    assert done.output == (
-        "Error: airo_models, mujoco, trimesh cannot be imported; install contactsense[truth]\n"
-    )
+    command = "pip install '.[truth]' in the folder of the sources"
+    assert done.output == f"Error: airo_models, mujoco, trimesh cannot be imported: {command}\n"
 
 
 @pytest.mark.slow

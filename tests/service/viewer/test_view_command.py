@@ -90,7 +90,8 @@ def test_the_scene_of_an_analysis_is_found_from_anywhere(
 
 
 def test_the_missing_extra_is_named() -> None:
-    assert missing("view", "viser") == "view needs viser: pip install contactsense[viewer]"
+    command = "pip install '.[viewer]' in the folder of contactsense's sources"
+    assert missing("view", "viser") == f"view needs viser: {command}"
 
 
 @pytest.fixture
