@@ -23,6 +23,8 @@ OPTIONS = (
     "--headless=new", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader", "--disable-quic", "--no-first-run", "--disable-background-networking",
     "--disable-component-update", "--disable-sync", "--remote-debugging-port=0",
+    # It would keep pages that were left, with their connections, until it has too many of them.
+    "--disable-features=BackForwardCache",
 )  # fmt: skip
 START = 240.0
 """Time limit for the browser to start, and for each answer; a busy computer draws the first picture for
@@ -211,7 +213,9 @@ def browser_page(
         port = _port(profile / "DevToolsActivePort")
         with urllib.request.urlopen(f"http://127.0.0.1:{port}/json", timeout=START) as answer:
             target = next(each for each in json.load(answer) if each["type"] == "page")
-        with connect(target["webSocketDebuggerUrl"], max_size=None, compression=None) as connection:
+        address = target["webSocketDebuggerUrl"]
+        # Pings would end it where a page reports much while nobody calls it: their answers wait behind that.
+        with connect(address, max_size=None, compression=None, ping_interval=None) as connection:
             page = Page(connection)
             page.call("Page.navigate", url=url)
             yield page, process
