@@ -14,6 +14,7 @@ from contactsense.service.analysis.other_links import other_links
 from contactsense.service.recordings import RecordingError, scene_in
 from contactsense.service.viewer.controls import set_value
 from contactsense.service.viewer.frame import TRACKS, Forces, Frame
+from contactsense.service.viewer.literal_text import literal
 from contactsense.types import Contact, Estimate
 
 _NEEDED = [field.name for field in SCHEMA if field.name not in ("smoothed",)]
@@ -110,14 +111,16 @@ class AnalysisSource:
         return self._frames[self._shown]
 
     def note(self) -> str:
-        """The chosen contact, its course, and the other links that it may be on."""
+        """The chosen contact, its course, and the other links that it may be on, as Markdown."""
         row = self._rows[self._shown]
         text = (
             f"{Path(row['recording']).name}, from {row['begin']:.2f} s for {row['duration']:.2f} s: largest "
             f"force {row['peak_force']:.1f} N, impulse {row['impulse']:.1f} N s"
         )
         others = other_links(self.scene.link_names, row["link_index"], row["link_probability"])
-        return f"{text}; other links, over the whole contact: {', '.join(others)}" if others else text
+        if others:
+            text = f"{text}; other links, over the whole contact: {', '.join(others)}"
+        return literal(text)
 
 
 def _scene_of(recording: str, table: Path) -> Scene:

@@ -5,6 +5,7 @@ from collections.abc import Callable
 import viser
 
 from contactsense.service.viewer.frame import Latch
+from contactsense.service.viewer.literal_text import literal
 
 
 class LatchPanel:
@@ -32,11 +33,11 @@ class LatchPanel:
         if latches == self._shown:
             return
         self._shown = latches
-        self._text.content = "\n".join(f"- {latch.text}" for latch in latches)
+        self._text.content = "\n".join(f"- {literal(latch.text)}" for latch in latches)
         self._error.visible = False
         self._folder.visible = bool(latches)
 
     def _press(self) -> None:
         assert self._acknowledge is not None
         wrong = self._acknowledge()
-        self._error.content, self._error.visible = wrong, bool(wrong)
+        self._error.content, self._error.visible = literal(wrong), bool(wrong)

@@ -12,6 +12,7 @@ from contactsense.scene import Scene
 from contactsense.service.recordings import ColumnMapping
 from contactsense.service.viewer.controls import set_value
 from contactsense.service.viewer.frame import Frame
+from contactsense.service.viewer.literal_text import literal
 from contactsense.service.viewer.playback import Playback
 from contactsense.service.viewer.playback_clock import SPEEDS, PlaybackClock
 
@@ -99,9 +100,9 @@ class RecordedSource:
         return self._playback.at(at)
 
     def note(self) -> str:
-        """Where the playback is."""
+        """Where the playback is, as Markdown."""
         at = self._clock.time(time.monotonic())
-        return f"{self._name}: {at:.1f} s of {self._playback.duration:.1f} s"
+        return f"{literal(self._name)}: {at:.1f} s of {self._playback.duration:.1f} s"
 
 
 def onset_times(events: Iterable[Event]) -> dict[str, float]:

@@ -5,12 +5,14 @@ import math
 import numpy as np
 
 from contactsense.service.percent import in_percent
+from contactsense.service.viewer.literal_text import literal
 from contactsense.solvers.posterior.region import REGION_90
 from contactsense.types import Contact, Estimate
 
 
 def in_words(estimate: Estimate | None, note: str = "") -> str:
-    """What an estimate says; None: there is none. Its reason is left out if `note`, shown above, has it."""
+    """What an estimate says; None: there is none. Its reason is left out if `note`, the Markdown shown above,
+    has it."""
     if estimate is None:
         return "**No current estimate.**"
     if estimate.contacts:
@@ -25,8 +27,9 @@ def in_words(estimate: Estimate | None, note: str = "") -> str:
             lines += ["", f"A held push of {estimate.detectable:.1f} N would be detected anywhere."]
     if estimate.status == "degraded":
         lines[0] = f"**Degraded.** {lines[0]}"
-    if estimate.reason and estimate.reason not in note:
-        lines += ["", estimate.reason]
+    reason = literal(estimate.reason)
+    if reason and reason not in note:
+        lines += ["", reason]
     return "\n".join(lines)
 
 
@@ -37,13 +40,14 @@ def _headline(estimate: Estimate) -> str:
     if estimate.status == "ambiguous":
         count = len(estimate.contacts)
         return f"**Ambiguous:** {count} explanation{'s' if count > 1 else ''}, none clearly the best."
-    return f"**{best.link}** is touched."
+    return f"**{literal(best.link)}** is touched."
 
 
 def _table(estimate: Estimate) -> list[str]:
     rows = ["| link | force | place within | probability |", "| --- | --- | --- | --- |"]
     rows += [
-        f"| {c.link} | {np.linalg.norm(c.force_base):.1f} N | {_within(c)} | {in_percent(c.probability)} |"
+        f"| {literal(c.link)} | {np.linalg.norm(c.force_base):.1f} N | {_within(c)} | "
+        f"{in_percent(c.probability)} |"
         for c in estimate.contacts
     ]
     if estimate.other >= 0.005:  # less would read 0 %
