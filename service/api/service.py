@@ -35,6 +35,7 @@ from contactsense.service.live.loading import OnLoading
 from contactsense.service.live.locate_process import LocateError, LocateProcess, StaticSample
 from contactsense.service.live.pipeline_process import ListenerFactory, Source, utc_now
 from contactsense.service.live.supervisor import Runner
+from contactsense.service.reactions.health import failure
 from contactsense.service.reactions.reaction_store import ReactionStore
 from contactsense.service.reactions.rules import ReactionRules, RulesError
 from contactsense.service.reactions.state import Reactions
@@ -171,11 +172,7 @@ class Service:
 
     def _troubles(self) -> list[str]:
         """Problems outside the pipeline: current estimates alone do not make the service healthy."""
-        found = [
-            f"action {name} failed at its latest attempt: {action.error}"
-            for name, action in self.reactions.actions.items()
-            if action.error
-        ]
+        found = [failure(name, action) for name, action in self.reactions.actions.items() if action.error]
         if self.clips.recording.trouble:
             found.append(self.clips.recording.trouble)
         if self.journal.error:

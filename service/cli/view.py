@@ -113,7 +113,11 @@ def _live(
     source = LiveSource(calls, scene)
     try:
         viewer = Viewer(_page(host, port), source.scene, source.acknowledge if acknowledge else None)
-        run(lambda: viewer.draw(source.frame(), source.note(), source.latches), over, source.news)
+        run(
+            lambda: viewer.draw(source.frame(), source.note(), source.latches, source.failures),
+            over,
+            source.news,
+        )
         viewer.close()
     finally:
         source.close()

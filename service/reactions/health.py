@@ -18,6 +18,11 @@ class ActionHealth(BaseModel):
     took: float | None = Field(None, description="Time that the latest attempt took [s].")
 
 
+def failure(name: str, action: ActionHealth) -> str:
+    """What is wrong with an action that has an error, for a person."""
+    return f"action {name} failed at its latest attempt: {action.error}"
+
+
 class ReactionsHealth(BaseModel):
     """State of all actions and rules."""
 

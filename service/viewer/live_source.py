@@ -16,7 +16,9 @@ from websockets.sync.client import connect
 from contactsense.scene import Scene
 from contactsense.service.api.messages import EstimateOut
 from contactsense.service.viewer.frame import TRACKS, ForceHistory, Forces, Frame, Latch
+from contactsense.service.viewer.literal_text import literal
 from contactsense.service.viewer.service_calls import LiveError, ServiceCalls, in_words
+from contactsense.service.viewer.service_note import ServiceNote, service_note
 from contactsense.service.viewer.stream_messages import estimate_of, joints_of
 
 RATE = 33.0
@@ -53,7 +55,7 @@ class LiveSource:
         self._frame = Frame(None, None, Forces(np.empty(0), np.empty((0, TRACKS))))
         self._arrival = -float("inf")
         self._lost = ""
-        self._message = ""
+        self._told = ServiceNote("")
         self._outdated = ""
         self._latches: tuple[Latch, ...] = ()
         self._over = threading.Event()
@@ -72,8 +74,13 @@ class LiveSource:
         return frame
 
     def note(self) -> str:
-        """What the service says of itself, or why it cannot be heard."""
-        return "\n\n".join(filter(None, (self._outdated, self._lost or self._message)))
+        """What the service says of itself, or why it cannot be heard, as Markdown."""
+        return "\n\n".join(filter(None, (self._outdated, literal(self._lost) or self._told.text)))
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """What is wrong with each action, where the note has their number only."""
+        return () if self._lost else self._told.failures
 
     @property
     def latches(self) -> tuple[Latch, ...]:
@@ -145,7 +152,7 @@ class LiveSource:
                 # A reload or restart may bring another arm, which looks right where it has as many links.
                 self._outdated = "" if self._calls.scene_fields() == self._served else OUTDATED
                 health = self._calls.health()
-                self._message = f"{health.status}: {health.message}"
+                self._told = service_note(health)
                 # A service that was started again may have no reactions any more.
                 reactions = health.reactions.status != "off"
                 latched = self._calls.reactions().latched if reactions else []
@@ -154,5 +161,5 @@ class LiveSource:
                     for latch in latched
                 )
             except LiveError as error:
-                self._message = str(error)
+                self._told = ServiceNote(literal(str(error)))
             self._over.wait(POLL)

@@ -23,6 +23,7 @@ dark.addEventListener('change', follow);
 _STYLE = """
 :root[data-mantine-color-scheme="light"] { --mantine-color-dimmed: #56606a; }
 :root[data-mantine-color-scheme="dark"] { --mantine-color-dimmed: #b4bcc4; }
+p, li { overflow-wrap: anywhere; }
 table th { text-align: left; }
 @media (max-width: 36em) {
   [style*="max-height: 60%"] { width: 100% !important; max-height: 50% !important; }

@@ -19,6 +19,7 @@ from contactsense.service.drawing.posture import usual_posture
 from contactsense.service.viewer.arm_nodes import ArmNodes
 from contactsense.service.viewer.camera import Cameras
 from contactsense.service.viewer.contact_nodes import ContactNodes
+from contactsense.service.viewer.failure_panel import FailurePanel
 from contactsense.service.viewer.force_plot import ForcePlot
 from contactsense.service.viewer.frame import Frame, Latch
 from contactsense.service.viewer.heat import Heat
@@ -83,6 +84,7 @@ class Viewer:
         self._note = page.gui.add_markdown("")
         self._words = page.gui.add_markdown("The surface of the arm is being prepared.")
         self._latches = LatchPanel(page.gui, acknowledge)
+        self._failures = FailurePanel(page.gui)
         self.controls = page.gui.add_folder("", visible=False)
         """Folder for the controls of a file; hidden until there are any."""
         self._plot = ForcePlot(page.gui, scene.contacts)
@@ -108,8 +110,15 @@ class Viewer:
             add(self._page.gui)
         self.controls.visible = True
 
-    def draw(self, frame: Frame, note: str = "", latches: tuple[Latch, ...] = ()) -> None:
-        """Draw a frame, with what the source says of itself and the latched collisions."""
+    def draw(
+        self,
+        frame: Frame,
+        note: str = "",
+        latches: tuple[Latch, ...] = (),
+        failures: tuple[str, ...] = (),
+    ) -> None:
+        """Draw a frame, with what the source says of itself (Markdown), the latched collisions and the failed
+        actions."""
         now = time.monotonic()
         if now - self._drawn < UNSEEN and not self._page.get_clients():
             return
@@ -129,6 +138,7 @@ class Viewer:
             _set(self._note, note)
             _set(self._words, in_words(frame.estimate, note))
             self._latches.update(latches)
+            self._failures.update(failures)
             self._view.update()
             self.cameras.update()
 

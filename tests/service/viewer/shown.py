@@ -35,6 +35,7 @@ class Shown:
     estimate: Estimate | None = None
     q: np.ndarray = field(default_factory=lambda: POSTURE)
     latches: Callable[[], tuple[Latch, ...]] = lambda: ()
+    failures: tuple[str, ...] = ()
 
     def frame(self) -> Frame:
         return Frame(self.q, self.estimate, Forces(np.empty(0), np.empty((0, TRACKS))))
@@ -98,7 +99,7 @@ def showing(scene: Scene, folder: Path, acknowledge: Callable[[], str] | None = 
         shown = Shown(page, server, viewer)
 
         def draw() -> None:
-            viewer.draw(shown.frame(), "a note", shown.latches())
+            viewer.draw(shown.frame(), "a note", shown.latches(), shown.failures)
 
         thread = threading.Thread(target=run, args=(draw, over))
         thread.start()

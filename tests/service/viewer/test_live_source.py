@@ -145,7 +145,7 @@ def test_another_scene_of_the_service_is_told() -> None:
 def test_latched_collisions_go_with_the_reactions(monkeypatch: pytest.MonkeyPatch) -> None:
     """A service that was started again without rules has nothing to acknowledge."""
     reactions = ReactionsOut(status="ok", latched=[LatchOut(rule="stop", t=4.0, link="forearm", force=50.0)])
-    health = SimpleNamespace(status="ok", message="all is well", reactions=reactions)
+    health = SimpleNamespace(status="ok", message="all is well", reasons=["all is well"], reactions=reactions)
     monkeypatch.setattr(ServiceCalls, "health", lambda _: health)
     monkeypatch.setattr(ServiceCalls, "reactions", lambda _: reactions)
     monkeypatch.setattr(live_source, "POLL", 0.01)

@@ -100,3 +100,18 @@ def test_on_a_phone_the_panel_is_as_wide_as_the_window(shown: Shown) -> None:
     opened(shown, 400, 800, dark=False)
     at = "document.elementFromPoint({}, 790).tagName"
     assert until(lambda: {shown.page.evaluate(at.format(x)) for x in (5, 200, 395)}.isdisjoint({"CANVAS"}))
+
+
+def test_on_a_phone_failed_actions_are_listed_when_asked_for(shown: Shown) -> None:
+    opened(shown, 400, 800, dark=False)
+    shown.failures = tuple(f"action {i}: {'/a_long_path' * 20}: Connection refused" for i in range(6))
+    try:
+        shown.page.wait_for("Failed actions")
+        assert "Connection refused" not in shown.page.text()
+        shown.page.expand("Failed actions")
+        shown.page.wait_for("action 5: /a_long_path/a_long_path")
+        assert shown.page.evaluate("document.documentElement.scrollWidth") == 400
+        cut = "[...document.querySelectorAll('li')].some(l => l.scrollWidth > l.clientWidth + 1)"
+        assert not shown.page.evaluate(cut)
+    finally:
+        shown.failures = ()
