@@ -37,7 +37,9 @@ def panel(
     Times are those of the curves, so that they are the same as in tables.
     """
     values = [float(np.nanmax(curve.y)) for curve in curves if len(curve.y) and np.isfinite(curve.y).any()]
-    largest = max([*values, 1e-9])
+    largest = max(values, default=0.0)
+    if largest <= 0.0:
+        largest = 1.0  # an axis without a force has usual numbers, too
     step = nice_step(largest / 4.0)
     limit = step * np.ceil(1.02 * largest / step)
     # One sample has no duration, and near a UNIX time two numbers are 2e-7 s apart.

@@ -88,6 +88,14 @@ def test_a_panel_without_curves_is_a_picture_too() -> None:
     assert "a &lt;title&gt;" in panel([empty], (0.0, 1.0), "N", "a <title>")
 
 
+@pytest.mark.parametrize("curves", [[], [Curve(np.array([0.0, 1.0]), np.zeros(2), "#000")]])
+def test_an_axis_without_any_force_has_usual_numbers(curves: list[Curve]) -> None:
+    """As of a recording in which nothing touched the arm."""
+    drawn = panel(curves, (0.0, 1.0), "N", "force")
+    found = re.findall(r'text-anchor="end">([^<]+)</text>', drawn)
+    assert found == ["0", "0.5", "1", "1.5", "time / s"]
+
+
 @pytest.mark.parametrize(
     ("begin", "duration", "labels"),
     [
