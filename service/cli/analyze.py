@@ -166,7 +166,7 @@ def _analyze(
     file: RecordingFile, scene: Scene, limits: ForceLimits | None, estimates: bool, folder: Path
 ) -> Analysis:
     with Progress(
-        TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn(),
+        TextColumn("{task.description}", markup=False), BarColumn(), TimeRemainingColumn(),
         console=Console(stderr=True), transient=True,
     ) as progress:  # fmt: skip
         task = progress.add_task(file.path.name, total=file.rows)
@@ -213,7 +213,7 @@ def _print(found: Analysis, folder: Path) -> None:
     from rich import box
     from rich.table import Table
 
-    console = Console(width=None if sys.stdout.isatty() else 120)
+    console = Console(width=None if sys.stdout.isatty() else 120, markup=False)
     table = Table(
         title=f"{found.recording}: {found.duration:.1f} s", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0)
     )
@@ -240,10 +240,10 @@ def _print(found: Analysis, folder: Path) -> None:
         console.print(f"{found.recording}: {found.duration:.1f} s, {_nothing(found)}", soft_wrap=True)
     if found.limits is not None:
         for line in _compared(found, found.limits):
-            console.print(line, markup=False, highlight=False, soft_wrap=True)
+            console.print(line, highlight=False, soft_wrap=True)
     undetermined = undetermined_forces(found.scene)
     if undetermined and found.judged:
-        console.print(f"forces: {undetermined}", markup=False, highlight=False, soft_wrap=True)
+        console.print(f"forces: {undetermined}", highlight=False, soft_wrap=True)
     for well, text in health(found):
         if not well and text != found.doubt:  # the warning above says it
             console.print(f"check: {text}", soft_wrap=True)

@@ -83,7 +83,7 @@ def calibrate(
     check_writable("--out", out)
     if report is not None:
         _check_report(report)
-    errors = Console(stderr=True)
+    errors = Console(stderr=True, markup=False)
     try:
         scene = Scene.load(path)
         mapping = ColumnMapping.parse(columns)
@@ -233,16 +233,16 @@ def _numbers(array: np.ndarray) -> list[float | None]:
 
 
 def _print_page(found: Calibration, sections: tuple[Section, ...]) -> None:
-    console = Console(soft_wrap=True, highlight=False)
+    console = Console(soft_wrap=True, highlight=False, markup=False)
     console.print(f"Calibrated from {found.seconds:.1f} s of motion without contact.")
     for section in sections:
-        console.print(f"\n[bold]{section.title}[/bold]")
+        console.print(f"\n{section.title}", style="bold")
         for line in section.lines:
-            console.print(f"- {line}", markup=False)
+            console.print(f"- {line}")
 
 
 def _print_everything(found: Calibration, scene: Scene) -> None:
-    console = Console(soft_wrap=True)
+    console = Console(soft_wrap=True, markup=False)
     table = Table(box=box.SIMPLE_HEAD)
     for heading in ("parameter", "before", "after", "std", "unit"):
         table.add_column(heading, justify="left" if heading in ("parameter", "unit") else "right")

@@ -81,7 +81,7 @@ def check(
     if recordings and given:
         option = as_options()((next(iter(given)),))
         raise click.UsageError(f"{option} is for a live robot: expected it with --robot-host, not recordings")
-    errors = Console(stderr=True)
+    errors = Console(stderr=True, markup=False)
     try:
         scene = Scene.load(scene_file)
         with errors.status("reading") as status:
@@ -110,7 +110,7 @@ def check(
     if as_json:
         click.echo(json.dumps(as_plain(found), indent=1))
     else:
-        print_check(found, Console())
+        print_check(found, Console(markup=False))
     ctx.exit(0 if found.fits else 1)
 
 

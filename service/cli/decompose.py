@@ -212,7 +212,7 @@ def _report(best: "dict[str, Fit]") -> None:
     count = sum(len(fit.bodies.kind) for fit in best.values())
     table.add_row("all", str(count), *row(together([fit.errors for fit in best.values()])))
     # A table that is wider than the terminal is printed whole: a pipe counts as 80 columns.
-    Console(stderr=True, width=_WIDEST).print(table)
+    Console(stderr=True, width=_WIDEST, markup=False).print(table)
 
 
 def beyond_tolerance(reached: Mapping[str, float], tolerance: float) -> list[str]:

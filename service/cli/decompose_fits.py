@@ -15,7 +15,12 @@ if TYPE_CHECKING:
 
     from contactsense.robots.decomposition.decompose import Fit, Options
 
-PROGRESS_COLUMNS = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+PROGRESS_COLUMNS = (
+    TextColumn("{task.description}", markup=False),
+    BarColumn(),
+    MofNCompleteColumn(),
+    TimeElapsedColumn(),
+)
 """Columns of the progress bar."""
 
 

@@ -8,7 +8,6 @@ import click
 import numpy as np
 from rich import box
 from rich.console import Console
-from rich.markup import escape
 from rich.progress import Progress
 from rich.table import Table
 
@@ -151,17 +150,17 @@ def as_plain(found: Proposal) -> dict[str, Any]:
 
 
 def _print(found: Proposal, scene: Scene, into: Path | None) -> None:
-    console = Console(soft_wrap=True)
+    console = Console(soft_wrap=True, markup=False)
     table = Table(box=box.SIMPLE_HEAD)
     for heading in ("parameter", "expected std", "unit"):
-        table.add_column(escape(heading), justify="right" if heading == "expected std" else "left")
+        table.add_column(heading, justify="right" if heading == "expected std" else "left")
     expected = found.expected
     for entry, std, excited in zip(expected.entries, expected.std, expected.excited, strict=True):
         table.add_row(entry.name, f"{std:.2g}" if excited else "not excited", entry.unit)
     console.print(table)
     table = Table(box=box.SIMPLE_HEAD)
     for heading in ("joint", "from [deg]", "to [deg]", "speed [rad/s]", "torque [Nm]"):
-        table.add_column(escape(heading), justify="left" if heading == "joint" else "right")
+        table.add_column(heading, justify="left" if heading == "joint" else "right")
     q = np.degrees(found.motion.at(np.linspace(0.0, found.motion.period, 2000))[0])
     for j, joint in enumerate(scene.robot.joints):
         numbers = (f"{q[:, j].min():.0f}", f"{q[:, j].max():.0f}")

@@ -6,7 +6,6 @@ from math import isfinite
 import click
 from rich import box
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
 from contactsense.scene import Scene
@@ -25,7 +24,7 @@ def show_map(scene: Scene, found: Detectability) -> None:
     table.add_column("link")
     table.add_column("surface", justify="right")
     for heading in HEADINGS:
-        table.add_column(escape(heading), justify="right")
+        table.add_column(heading, justify="right")
         table.add_column("worst", justify="right")
     for link in found.by_link():
         table.add_row(
@@ -35,7 +34,7 @@ def show_map(scene: Scene, found: Detectability) -> None:
             *_errors(link),
             *_named(link),
         )
-    Console(width=WIDTH).print(table)
+    Console(width=WIDTH, markup=False).print(table)
     click.echo("Median over the surface of the link; worst: 5 % of it is worse than this.")
     _explain(found)
 
@@ -47,7 +46,7 @@ def compare_maps(titles: Sequence[str], scenes: Sequence[Scene], found: Sequence
     table = Table(box=box.SIMPLE_HEAD)
     table.add_column("link")
     for heading in HEADINGS:
-        table.add_column(escape(f"{heading} A"), justify="right")
+        table.add_column(f"{heading} A", justify="right")
         table.add_column("B", justify="right")
     maps = [{link.link: link for link in one.by_link()} for one in found]
     for name in dict.fromkeys(name for one in maps for name in one):
@@ -56,7 +55,7 @@ def compare_maps(titles: Sequence[str], scenes: Sequence[Scene], found: Sequence
         cells += [link and _errors(link)[0] for link in links]
         cells += [link and _named(link)[0] for link in links]
         table.add_row(name, *cells)
-    Console(width=WIDTH).print(table)
+    Console(width=WIDTH, markup=False).print(table)
     click.echo("Medians over the surface of each link.")
     _explain(found[0])
 

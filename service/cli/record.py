@@ -135,7 +135,7 @@ def _refuse_others(mode: str, allowed: set[str]) -> None:
 
 
 def _run(live: LiveSource, recorder: Recorder, seconds: float | None, out: Path) -> None:
-    console = Console(stderr=True)
+    console = Console(stderr=True, markup=False)
     columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
     end = None if seconds is None else time.monotonic() + seconds
     with Progress(*columns, console=console) as progress:
@@ -194,7 +194,7 @@ def _convert(origin: Path, out: Path, scene_path: Path | None, columns: str | No
     scene = scene_in(origin) if scene_path is None else Scene.load(scene_path)
     # What is written has the sensors' delays, too.
     recording = read(origin, without_delays(scene), ColumnMapping.parse(columns))
-    console = Console(stderr=True)
+    console = Console(stderr=True, markup=False)
     for problem in problem_lines(recording.problems):
         console.print(f"{origin}: {problem}", highlight=False, soft_wrap=True)
     export(recording, out, scene=scene)

@@ -21,7 +21,7 @@ def record_by_service(service: ServiceCalls, seconds: float | None) -> None:
         ClickException: The recording stopped.
     """
     end = None if seconds is None else time.monotonic() + seconds
-    console = Console(stderr=True)
+    console = Console(stderr=True, markup=False)
     service.recording(on=True)
     try:
         with contextlib.suppress(KeyboardInterrupt), console.status("recording") as status:

@@ -9,7 +9,6 @@ from typing import Any
 import click
 from rich import box
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
 from contactsense import robots as library
@@ -60,19 +59,19 @@ def robots(name: str | None, as_json: bool, picture: Path | None, posture: str |
 def _list(arms: list[Robot]) -> None:
     table = Table(box=box.SIMPLE_HEAD)
     for heading in ("arm", "joints", "mass [kg]", "primitives", "of them coarse"):
-        table.add_column(escape(heading), justify="left" if heading == "arm" else "right")
+        table.add_column(heading, justify="left" if heading == "arm" else "right")
     for arm in arms:
         entry = _summary(arm)
         models = ", ".join((arm.name, *entry["equivalent_models"]))
         table.add_row(models, *(str(entry[key]) for key in ("joints", "mass", "primitives", "coarse")))
-    Console().print(table)
+    Console(markup=False).print(table)
 
 
 def _show(robot: Robot) -> None:
-    console = Console()
+    console = Console(markup=False)
     links = Table(title=f"{robot.name}: links", box=box.SIMPLE_HEAD, title_justify="left")
     for heading in ("link", "mass [kg]", "centre of mass [m]", "primitives"):
-        links.add_column(escape(heading), justify="right" if "kg" in heading else "left")
+        links.add_column(heading, justify="right" if "kg" in heading else "left")
     for link in robot.links:
         kinds = Counter(shape.kind for shape in link.primitives)
         links.add_row(
@@ -86,7 +85,7 @@ def _show(robot: Robot) -> None:
         console.print(f"held at zero: {', '.join(robot.held)}\n", highlight=False)
     joints = Table(title=f"{robot.name}: joints", box=box.SIMPLE_HEAD, title_justify="left")
     for heading in ("joint", "range [deg]", "speed [deg/s]", "torque [Nm]", "Nm/A"):
-        joints.add_column(escape(heading), justify="left" if heading == "joint" else "right")
+        joints.add_column(heading, justify="left" if heading == "joint" else "right")
     for joint in robot.joints:
         low, high = (degrees(limit) for limit in joint.position_limits)
         joints.add_row(

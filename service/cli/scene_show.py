@@ -51,7 +51,7 @@ def show(path: Path, picture: Path | None, posture: str | None, as_json: bool) -
     if as_json:
         click.echo(json.dumps({**as_plain(scene, q), "link_prior": prior_of_links(scene)}, indent=1))
         return
-    console = Console()
+    console = Console(markup=False)
     table = Table.grid(padding=(0, 2))
     for line in (*summarize(scene, q), link_prior_line(scene)):
         table.add_row(line.subject, line.text)
