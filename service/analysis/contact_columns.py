@@ -100,6 +100,13 @@ COLUMNS = (
     ),
     _one("q", pa.list_(pa.float64()), "Joint positions at `peak_time`.", "rad"),
     _one(
+        "silent",
+        pa.float64(),
+        "Time within the contact for which a sensor of the scene was silent or settled: forces and impulse "
+        "are those of the other samples, or of the other sensors alone.",
+        "s",
+    ),
+    _one(
         "smoothed",
         pa.bool_(),
         "Whether link, place and probabilities were determined from the whole contact, not from the samples "

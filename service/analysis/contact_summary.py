@@ -71,6 +71,9 @@ class ContactSummary:
     """Largest energy of the no-contact hypothesis during the contact."""
     q: np.ndarray
     """Joint positions at the time of the largest force [rad], shape (n,)."""
+    silent: float = 0.0
+    """Time within it for which the base sensor or the joint torques were silent or settled [s]: its forces
+    are those of the other samples, or of the other sensors alone."""
     smoothed: bool = False
     """Whether link, place and probabilities were determined from the whole contact."""
     curve: ForceCurve = field(default_factory=lambda: ForceCurve(np.empty(0), np.empty(0)), repr=False)

@@ -55,7 +55,7 @@ def _row(contact: ContactSummary) -> dict[str, object]:
     plain = (
         "recording", "row", "row_end", "contact", "begin", "duration", "complete", "link", "link_index",
         "probability", "peak_force", "peak_time", "transient_force", "quasi_static_force", "impulse",
-        "torsion", "speed", "slides", "energy", "smoothed",
+        "torsion", "speed", "slides", "energy", "silent", "smoothed",
     )  # fmt: skip
     row: dict[str, object] = {name: getattr(contact, name) for name in plain}
     for name in ("point", "point_base", "normal_base", "force_base"):

@@ -20,7 +20,7 @@ from contactsense.service.analysis.force_limits import DISCLAIMER
 from contactsense.service.analysis.health import UNJUDGED, health, warning
 from contactsense.service.analysis.other_links import other_links
 from contactsense.service.analysis.summarize import Summarizer
-from contactsense.service.analysis.undetermined_forces import undetermined_forces
+from contactsense.service.analysis.undetermined_forces import doubted_forces
 from contactsense.service.drawing.arm_scene import arm_geometry, arm_view, contact_view, view_script
 from contactsense.service.drawing.contact_shapes import ARROW_MEANING
 from contactsense.service.drawing.palette import CONTACT, NOWHERE, link_colour
@@ -85,7 +85,7 @@ def _content(analysis: Analysis) -> dict[str, Any]:
         "health": health(analysis),
         "assumptions": assumptions(scene),
         "disclaimer": DISCLAIMER,
-        "undetermined": undetermined_forces(scene),
+        "undetermined": doubted_forces(scene, analysis.contacts),
         "arrow": ARROW_MEANING,
         "script": view_script(),
         "data": json.dumps(_views(analysis, chosen), separators=(",", ":")).replace("</", "<\\/"),

@@ -137,7 +137,13 @@ class Summarizer:
             "complete": history.complete,
             "slides": bool(np.mean(history.phase == SLIDE) > 0.5),
             "energy": float(np.max(history.energy)),
+            "silent": float(t[-1] - t[0]) * self._silent_share(history),
         }
+
+    def _silent_share(self, history: ContactHistory) -> float:
+        """Share of the samples that lack one of the sensors of the scene."""
+        present = [self._scene.base_wrench is not None, self._scene.joint_torque is not None]
+        return float(np.mean(~history.usable[:, present].all(axis=1)))
 
     def _unexplained(self, history: ContactHistory, frame: dict[str, Any]) -> ContactSummary:
         """Summary of a contact that is not a single push on a touchable link."""

@@ -1,7 +1,40 @@
-"""Which forces the sensors of a scene do not determine, in words: where forces and limits are shown."""
+"""Which forces the sensors did not determine, in words: where forces and limits are shown."""
+
+from collections.abc import Sequence
 
 from contactsense.scene import Scene
 from contactsense.scene_model.link_sensors import mounts
+from contactsense.service.analysis.contact_summary import ContactSummary
+
+TOLD = 0.1
+"""Share of a contact from which on a silent sensor is told: single readings are often lost."""
+NAMED = 5
+"""Contacts that are named."""
+
+
+def doubted_forces(scene: Scene, contacts: Sequence[ContactSummary]) -> str:
+    """What the forces of these contacts mean where sensors did not determine them; empty where they did.
+
+    Args:
+        scene: The scene without the sensors that the recording lacks.
+        contacts: Those of the recording.
+    """
+    return " ".join(filter(None, (undetermined_forces(scene), _silent_sensors(contacts))))
+
+
+def _silent_sensors(contacts: Sequence[ContactSummary]) -> str:
+    found = [each for each in contacts if each.silent > TOLD * each.duration]
+    if not found:
+        return ""
+    named = [f"{each.contact} (at {each.begin:.3f} s, for {each.silent:.2f} s)" for each in found[:NAMED]]
+    if len(found) > NAMED:
+        named.append(f"{len(found) - NAMED} more (see `silent` in the table)")
+    listed = named[0] if len(named) == 1 else f"{', '.join(named[:-1])} and {named[-1]}"
+    return (
+        f"A sensor was silent or settled during contact{'s' if len(found) > 1 else ''} {listed}: forces and "
+        "impulse are those of the other samples, or of the other sensors alone, and may be far from the true "
+        "ones."
+    )
 
 
 def undetermined_forces(scene: Scene) -> str:

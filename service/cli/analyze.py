@@ -19,7 +19,7 @@ from contactsense.service.analysis.contact_table import contact_rows, from_folde
 from contactsense.service.analysis.force_limits import DISCLAIMER
 from contactsense.service.analysis.health import UNJUDGED, health, warning
 from contactsense.service.analysis.report import write_report
-from contactsense.service.analysis.undetermined_forces import undetermined_forces
+from contactsense.service.analysis.undetermined_forces import doubted_forces
 from contactsense.service.recordings import (
     ColumnMapping,
     MappingError,
@@ -194,7 +194,7 @@ def _as_plain(found: Analysis) -> dict[str, Any]:
         "warning": warning(found),
         "health": [{"ok": well, "text": text} for well, text in health(found)],
         "contacts": contact_rows(found.contacts),
-        "undetermined_forces": undetermined_forces(found.scene),
+        "undetermined_forces": doubted_forces(found.scene, found.contacts),
         "limits": None if found.limits is None else _exceeded(found, found.limits),
     }
 
@@ -241,7 +241,7 @@ def _print(found: Analysis, folder: Path) -> None:
     if found.limits is not None:
         for line in _compared(found, found.limits):
             console.print(line, highlight=False, soft_wrap=True)
-    undetermined = undetermined_forces(found.scene)
+    undetermined = doubted_forces(found.scene, found.contacts)
     if undetermined and found.judged:
         console.print(f"forces: {undetermined}", highlight=False, soft_wrap=True)
     for well, text in health(found):
@@ -269,6 +269,6 @@ def _compared(found: Analysis, limits: ForceLimits) -> Iterator[str]:
             within = False
     if within and found.judged:
         yield "above your limits: none"
-    if undetermined_forces(found.scene):
+    if doubted_forces(found.scene, found.contacts):
         yield "a contact that is above no limit may have been above one: see forces below"
     yield f"limits from: {limits.provenance}. {DISCLAIMER}"

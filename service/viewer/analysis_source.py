@@ -17,7 +17,7 @@ from contactsense.service.viewer.frame import TRACKS, Forces, Frame
 from contactsense.service.viewer.literal_text import literal
 from contactsense.types import Contact, Estimate
 
-_NEEDED = [field.name for field in SCHEMA if field.name not in ("smoothed",)]
+_NEEDED = [field.name for field in SCHEMA if field.name not in ("silent", "smoothed")]
 _BESIDE = (
     "contacts.csv", "report.html", "report.md", "estimates.parquet",
     "fleet.html", "fleet.md", "robots.parquet", "days.parquet",

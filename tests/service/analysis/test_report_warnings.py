@@ -48,6 +48,29 @@ def test_no_force_is_doubted_where_a_sensor_measures_it(folder: Path) -> None:
         assert "do not determine a force" not in (folder / "out" / name).read_text()
 
 
+def test_forces_of_a_contact_in_which_a_sensor_was_silent_are_doubted(tmp_path: Path) -> None:
+    """The impulse is that of the first half of the first contact; what comes later is not known."""
+    motion = demo()
+    wrench = motion.base_wrench.copy()
+    wrench[1800:2110] = np.nan
+    path = write_motion(replace(motion, base_wrench=wrench), tmp_path / "run.parquet", last=3200)
+    (tmp_path / "scene.yaml").write_text("robot: ur5e\n")
+    (tmp_path / "limits.yaml").write_text(
+        "provenance: us\nregions: [{name: hand, quasi_static: 900, transient: 900}]\n"
+    )
+    options = ["--scene", str(tmp_path / "scene.yaml"), "--limits", str(tmp_path / "limits.yaml")]
+    out = tmp_path / "out"
+    result = CliRunner().invoke(analyze, [str(path), *options, "--out", str(out)])
+    assert "a contact that is above no limit may have been above one" in result.output
+    said = "A sensor was silent or settled during contact 1 (at 3.012 s, for 0."
+    assert said in result.output
+    assert said in (out / "report.md").read_text()
+    assert said in (out / "report.html").read_text()
+    silent = pa_parquet.read_table(out / "contacts.parquet")["silent"].to_pylist()
+    assert silent[0] == pytest.approx(0.59, abs=0.05)
+    assert silent[1] == 0.0
+
+
 def test_links_beyond_a_sensor_in_the_arm_are_determined() -> None:
     sensor = LinkWrenchSensor(name="elbow", link="forearm")
     scene = Scene(robot="ur5e", base_wrench=None, link_wrenches=(sensor,))

@@ -55,6 +55,9 @@ def test_a_moment_without_the_base_sensor_does_not_change_the_contact(localizer:
     )
     assert found.peak_force == pytest.approx(expected.peak_force, rel=0.05)
     assert found.impulse == pytest.approx(expected.impulse, rel=0.05)
+    assert expected.silent == 0.0
+    lacking = ~gap.usable.all(axis=1)
+    assert found.silent == pytest.approx(np.count_nonzero(lacking) * np.median(np.diff(gap.t)), rel=0.05)
     smoothed = smoother.smooth(gap.without_outages())
     assert smoothed is not None
     assert SCENE.link_names[smoothed.best.link] == expected.link
