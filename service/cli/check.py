@@ -110,7 +110,7 @@ def check(
     if as_json:
         click.echo(json.dumps(as_plain(found), indent=1))
     else:
-        print_check(found, Console(markup=False))
+        print_check(found, Console())
     ctx.exit(0 if found.fits else 1)
 
 
@@ -145,7 +145,7 @@ def print_check(found: SetupCheck, console: Console) -> None:
     if found.unexplained:
         console.print("Not explained by any of these lines (a contact, another signal, a fault?):")
         for text in found.unexplained:
-            console.print(f"  {text}", highlight=False)
+            console.print(f"  {text}", highlight=False, markup=False)
     untold = [item for item in found.findings if item.verdict == "cannot_tell"]
     if untold and len(untold) == len(found.findings) and found.unexplained:
         # A push hides what the lines would give: moving more joints would not help.
