@@ -1,5 +1,6 @@
 """Frames of a recording, with controls: play, pause, scrub, speed, and its contacts to jump to."""
 
+import math
 import time
 from collections.abc import Iterable
 from pathlib import Path
@@ -20,6 +21,8 @@ LEAD = 0.5
 """Time before a contact to which a jump leads [s]."""
 CHOOSE = "choose one"
 """What the list of contacts shows before one is chosen."""
+STEP = 0.01
+"""Step of the slider [s]."""
 FOLLOW = 0.2
 """Shortest time between two movements of the slider [s]."""
 
@@ -53,10 +56,9 @@ class RecordedSource:
 
     def add_controls(self, gui: viser.GuiApi) -> None:
         """Add play and pause, slider, speed, and the list of contacts."""
-        duration = self._playback.duration
         button = self._button = gui.add_button("Play")
         slider = self._slider = gui.add_slider(
-            "Time, s", min=0.0, max=max(duration, 0.01), step=0.01, initial_value=0.0
+            "Time, s", min=0.0, max=slider_end(self._playback.duration), step=STEP, initial_value=0.0
         )
         speed = gui.add_dropdown("Speed", [f"{s:g} x" for s in SPEEDS], initial_value="1 x")
 
@@ -103,6 +105,11 @@ class RecordedSource:
         """Where the playback is, as Markdown."""
         at = self._clock.time(time.monotonic())
         return f"{literal(self._name)}: {at:.1f} s of {self._playback.duration:.1f} s"
+
+
+def slider_end(duration: float) -> float:
+    """A duration [s] as a whole number of steps: the slider reaches its end, whose label is short."""
+    return round(STEP * max(math.ceil(duration / STEP - 1e-6), 1), 2)
 
 
 def onset_times(events: Iterable[Event]) -> dict[str, float]:

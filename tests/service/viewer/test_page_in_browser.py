@@ -115,3 +115,14 @@ def test_on_a_phone_failed_actions_are_listed_when_asked_for(shown: Shown) -> No
         assert not shown.page.evaluate(cut)
     finally:
         shown.failures = ()
+
+
+def test_the_time_in_a_recording_of_a_day_is_not_cut_off(shown: Shown) -> None:
+    shown.viewer.add_controls(
+        "Recording", lambda gui: gui.add_slider("Time, s", 0.0, 86400.0, 0.01, 86399.99)
+    )
+    opened(shown, 400, 800, dark=False)
+    inputs = "[...document.querySelectorAll('input')]"
+    box = f"{inputs}.find(input => input.value === '86399.99' && input.clientWidth)"
+    assert until(lambda: shown.page.evaluate(f"!!{box}"), PATIENCE)
+    assert shown.page.evaluate(f"{box}.scrollWidth <= {box}.clientWidth")
