@@ -32,6 +32,8 @@ from contactsense.service.recordings.export import export
 from contactsense.service.recordings.parquet_files import write_parquet
 from contactsense.service.recordings.table import reason
 
+_WIDEST = 500
+"""Width beyond which no table grows [characters]."""
 _MOSTLY = 0.5
 """If a larger share of the samples is degraded, no contacts mean nothing."""
 _COLUMNS = (
@@ -213,7 +215,8 @@ def _print(found: Analysis, folder: Path) -> None:
     from rich import box
     from rich.table import Table
 
-    console = Console(width=None if sys.stdout.isatty() else 120, markup=False)
+    # A table that is wider than the terminal is printed whole: cut off, 1.00 and 1.5 are the same.
+    console = Console(width=_WIDEST, markup=False)
     table = Table(
         title=f"{found.recording}: {found.duration:.1f} s", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0)
     )

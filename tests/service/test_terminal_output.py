@@ -1,5 +1,9 @@
-"""Names of files in the output of commands: printed as they are, whatever characters they have."""
+"""The output of commands in terminals: names of any characters, numbers in a narrow window."""
 
+import os
+import pty
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -28,3 +32,24 @@ def test_brackets_are_no_markup(
         f"{recording}: 2.0 s, nothing touched the arm",
         f"report: {Path(f'{folder}[b]', 'report.html')}",
     ]
+
+
+def test_no_number_is_cut_off_in_a_narrow_terminal(tmp_path: Path) -> None:
+    """Nor in a usual one, where times since 1970 need more room than the table has."""
+    write_motion(demo(), tmp_path / "run.parquet", first=1000, last=2400)
+    (tmp_path / "scene.yaml").write_text("robot: ur5e\n")
+    command = [sys.executable, "-m", "contactsense", "analyze", "run.parquet"]
+    ours, theirs = pty.openpty()
+    try:
+        subprocess.run(
+            [*command, "--scene", "scene.yaml", "--out", "out"],
+            cwd=tmp_path, env=os.environ | {"TERM": "xterm", "COLUMNS": "50"},
+            stdout=theirs, stderr=subprocess.DEVNULL, check=True, timeout=300,
+        )  # fmt: skip
+        os.set_blocking(ours, False)
+        printed = os.read(ours, 65536).decode()
+    finally:
+        os.close(ours)
+        os.close(theirs)
+    assert "-175, 37, " in printed
+    assert "\N{HORIZONTAL ELLIPSIS}" not in printed
