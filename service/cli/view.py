@@ -8,12 +8,20 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 import click
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from contactsense.scene import Scene, SceneError
 from contactsense.service.api.token_file import TokenError, read_token
 from contactsense.service.cli.option_names import refusal
 from contactsense.service.free_ports import reason
-from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError, scene_in
+from contactsense.service.recordings import (
+    ColumnMapping,
+    MappingError,
+    RecordingError,
+    RecordingFile,
+    scene_in,
+)
 from contactsense.service.viewer import READY
 from contactsense.service.viewer.analysis_source import AnalysisSource, is_analysis, tables_instead
 from contactsense.service.viewer.live_source import LiveSource
@@ -79,15 +87,16 @@ def view(
             "--acknowledge: expected --host 127.0.0.1 beside it: whoever opens the page can press the button"
         )
     over = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: over.set())
     try:
         scene = None if scene_path is None else Scene.load(scene_path)
         if file is None:
             token = None if token_file is None else read_token(token_file)
+            _end_in_order(over)
             _live(URL if url is None else url, token, acknowledge, scene, host, port, over)
         else:
+            # Signals end the computation at once, which takes minutes for a recording of hours.
             source = _recorded(file, scene, ColumnMapping.parse(columns))
+            _end_in_order(over)
             page = _page(host, port)
             viewer = Viewer(page, source.scene)
             viewer.add_controls(source.title, source.add_controls)
@@ -96,6 +105,12 @@ def view(
     except (SceneError, LiveError, RecordingError, MappingError, TokenError) as error:
         raise refusal(error) from None
     return 0
+
+
+def _end_in_order(over: threading.Event) -> None:
+    """From now on a signal ends the drawing instead of the process."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: over.set())
 
 
 def _live(
@@ -141,7 +156,12 @@ def _recorded(file: Path, scene: Scene | None, mapping: ColumnMapping) -> Record
         raise click.ClickException(f"{file}: expected {what}, {' or '.join(named)}")
     scene = scene_in(file) if scene is None else scene
     click.echo(f"{file}: the estimates are being computed", err=True)
-    source = RecordedSource(file, scene, mapping)
+    with Progress(
+        TextColumn("{task.description}", markup=False), BarColumn(), TimeRemainingColumn(),
+        console=Console(stderr=True), transient=True,
+    ) as progress:  # fmt: skip
+        task = progress.add_task(file.name, total=RecordingFile(file, scene, mapping).rows)
+        source = RecordedSource(file, scene, mapping, lambda count: progress.advance(task, count))
     for problem in source.problems:
         click.echo(f"{file}: {problem}", err=True)
     return source

@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -33,19 +33,26 @@ class RecordedSource:
     title = "Recording"
     """Label of its controls."""
 
-    def __init__(self, path: Path, scene: Scene, mapping: ColumnMapping | None = None) -> None:
+    def __init__(
+        self,
+        path: Path,
+        scene: Scene,
+        mapping: ColumnMapping | None = None,
+        progress: Callable[[int], object] | None = None,
+    ) -> None:
         """Read and estimate the recording; it stands at its beginning.
 
         Args:
             path: Of the recording.
             scene: The arm, its mounting and its sensors.
             mapping: Names of columns and topics, and units; None: the defaults.
+            progress: As for `Playback.open`.
 
         Raises:
             RecordingError: The file cannot be read.
         """
         self.scene = scene
-        self._playback = Playback.open(scene, path, mapping)
+        self._playback = Playback.open(scene, path, mapping, progress=progress)
         self.problems = self._playback.problems
         """What is wrong with the file, one line each."""
         self._clock = PlaybackClock(self._playback.duration)
