@@ -43,7 +43,8 @@ def _at(summary: ContactSummary, poses: Summarizer, t: float, q: np.ndarray) -> 
     _, at_peak = poses.link_pose(summary.q, summary.link_index)
     origin, rotation = poses.link_pose(q, summary.link_index)
     turn = rotation @ at_peak.T
-    size = float(np.interp(t, summary.curve.t, summary.curve.force))
+    known = np.isfinite(summary.curve.force)
+    size = float(np.interp(t, summary.curve.t[known], summary.curve.force[known]))
     return Contact(
         link=summary.link,
         link_index=summary.link_index,

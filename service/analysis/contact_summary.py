@@ -12,7 +12,8 @@ class ForceCurve:
     t: np.ndarray
     """Time on the robot's clock [s], shape (K,)."""
     force: np.ndarray
-    """Magnitude of the force, the maximum between two points [N], shape (K,)."""
+    """Magnitude of the force, the maximum between two points [N], shape (K,). NaN: not known since the
+    point before."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,6 +28,8 @@ TRANSIENT_TIME = 0.5
 LEAST_EXPLAINED = 0.5
 """A contact is unexplained if samples with an explanation have less than this share of its energy: places
 that explain its beginning and its end only, where the observers still follow, say nothing of its force."""
+GAP = 0.05
+"""Time without a known force that a force curve shows as a gap [s]."""
 CURVE_POINTS = 400
 """Maximum number of points of a force curve."""
 
@@ -203,7 +205,11 @@ def _force_curve(history: ContactHistory) -> ForceCurve:
 
 
 def _thinned(t: np.ndarray, force: np.ndarray) -> ForceCurve:
-    """The largest force in each of at most `CURVE_POINTS` intervals."""
+    """The largest force in each of about `CURVE_POINTS` intervals; NaN where it is not known for `GAP`."""
+    step = np.diff(t)
+    if len(step):
+        gaps = np.flatnonzero(step > max(GAP, 3.0 * float(np.median(step)))) + 1
+        t, force = np.insert(t, gaps, t[gaps]), np.insert(force, gaps, np.nan)
     size = max(1, -(-len(t) // CURVE_POINTS))
     starts = np.arange(0, len(t), size)
     return ForceCurve(t[starts].copy(), np.maximum.reduceat(force, starts))

@@ -18,7 +18,7 @@ class Curve:
     x: np.ndarray
     """Shape (K,) [s]."""
     y: np.ndarray
-    """Shape (K,)."""
+    """Shape (K,); NaN: not known, the curve has a gap."""
     colour: str
     """CSS colour."""
     label: str = ""
@@ -96,13 +96,21 @@ def _decimals(step: float) -> int:
 
 
 def _curve(curve: Curve, at: Callable[[float, float], tuple[float, float]]) -> str:
-    known = np.isfinite(curve.y)
-    places = [at(x, y) for x, y in zip(curve.x[known], curve.y[known], strict=True)]
-    if not places:
-        return ""
+    parts = np.split(np.arange(len(curve.y)), np.flatnonzero(~np.isfinite(curve.y)))
+    known = [part[np.isfinite(curve.y[part])] for part in parts]
+    return "".join(_part(curve, curve.x[part], curve.y[part], at) for part in known if len(part))
+
+
+def _part(
+    curve: Curve, x: np.ndarray, y: np.ndarray, at: Callable[[float, float], tuple[float, float]]
+) -> str:
+    """A part of a curve without a gap."""
+    places = [at(*place) for place in zip(x.tolist(), y.tolist(), strict=True)]
+    if len(places) == 1:  # a line of one point is not to be seen
+        places.append((places[0][0] + 1.0, places[0][1]))
     label = f"<title>{escape(curve.label)}</title>" if curve.label else ""
     dash = ' stroke-dasharray="5 3"' if curve.dashed else ""
-    line = " ".join(f"{x:.1f},{y:.1f}" for x, y in places)
+    line = " ".join(f"{right:.1f},{down:.1f}" for right, down in places)
     shape = f'<polyline points="{line}" fill="none" stroke="{curve.colour}"{dash}>{label}</polyline>'
     if not curve.filled:
         return shape

@@ -57,6 +57,10 @@ def test_a_moment_without_the_base_sensor_does_not_change_the_contact(localizer:
     assert found.impulse == pytest.approx(expected.impulse, rel=0.05)
     assert expected.silent == 0.0
     lacking = ~gap.usable.all(axis=1)
+    unknown = found.curve.t[np.isnan(found.curve.force)]
+    assert len(unknown) == 1
+    assert 0.5 < unknown[0] < 0.9
+    assert not np.isnan(expected.curve.force).any()
     assert found.silent == pytest.approx(np.count_nonzero(lacking) * np.median(np.diff(gap.t)), rel=0.05)
     smoothed = smoother.smooth(gap.without_outages())
     assert smoothed is not None

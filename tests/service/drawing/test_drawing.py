@@ -88,6 +88,17 @@ def test_a_panel_without_curves_is_a_picture_too() -> None:
     assert "a &lt;title&gt;" in panel([empty], (0.0, 1.0), "N", "a <title>")
 
 
+def test_what_is_not_known_is_a_gap() -> None:
+    t = np.arange(7.0)
+    curve = Curve(t, np.array([1.0, 2.0, np.nan, np.nan, 2.0, np.nan, 1.0]), "#000", filled=True)
+    drawn = panel([curve], (0.0, 6.0), "N", "force")
+    lines = [line.split() for line in re.findall(r'<polyline points="([^"]+)"', drawn)]
+    assert [len(line) for line in lines] == [2, 2, 2]  # the last two are one value each
+    right = [[float(place.split(",")[0]) for place in line] for line in lines]
+    assert max(right[1]) - min(right[1]) == pytest.approx(1.0)
+    assert drawn.count("<polygon") == 3
+
+
 @pytest.mark.parametrize("curves", [[], [Curve(np.array([0.0, 1.0]), np.zeros(2), "#000")]])
 def test_an_axis_without_any_force_has_usual_numbers(curves: list[Curve]) -> None:
     """As of a recording in which nothing touched the arm."""
