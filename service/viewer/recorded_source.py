@@ -60,6 +60,8 @@ class RecordedSource:
         self._slider: viser.GuiInputHandle[float] | None = None
         self._button: viser.GuiButtonHandle | None = None
         self._followed = -float("inf")
+        self._list: viser.GuiInputHandle[str] | None = None
+        self._jumped: tuple[str, float] | None = None
 
     def add_controls(self, gui: viser.GuiApi) -> None:
         """Add play and pause, slider, speed, and the list of contacts."""
@@ -88,12 +90,14 @@ class RecordedSource:
 
         names = onset_times(self._playback.events)
         if names:
-            jump = gui.add_dropdown("Contact", [CHOOSE, *names], initial_value=CHOOSE)
+            jump = self._list = gui.add_dropdown("Contact", [CHOOSE, *names], initial_value=CHOOSE)
 
             @jump.on_update
             def _(_: object) -> None:
                 if jump.value in names:
-                    self._clock.jump(names[jump.value] - LEAD, time.monotonic())
+                    at = max(names[jump.value] - LEAD, 0.0)
+                    self._clock.jump(at, time.monotonic())
+                    self._jumped = jump.value, at
 
     def frame(self) -> Frame:
         """The frame at the clock's time."""
@@ -106,7 +110,19 @@ class RecordedSource:
             label = "Pause" if self._clock.running(now) else "Play"
             if self._button.label != label:
                 self._button.label = label
+            self._leave_contact(at)
         return self._playback.at(at)
+
+    def _leave_contact(self, at: float) -> None:
+        """Let the list ask to choose one when the playback has left what it shows, which cannot be chosen
+        again."""
+        if self._list is None or self._jumped is None:
+            return
+        name, to = self._jumped
+        if abs(at - to) > LEAD:
+            self._jumped = None
+            if self._list.value == name:  # not another that has been chosen since
+                set_value(self._list, CHOOSE)
 
     def note(self) -> str:
         """Where the playback is, as Markdown."""

@@ -84,5 +84,19 @@ def test_the_slider_leads_back_to_the_beginning(page: Page) -> None:
     assert "forearm is touched" not in page.text()
 
 
+def test_a_contact_can_be_chosen_again(page: Page) -> None:
+    for _ in range(2):
+        test_the_slider_leads_back_to_the_beginning(page)
+        page.wait_for("demo.parquet: 0.0 s")
+        values = "[...document.querySelectorAll('input')].map((input) => input.value)"
+        end = time.monotonic() + PATIENCE
+        while "choose one" not in page.evaluate(values):
+            assert time.monotonic() < end
+            time.sleep(0.2)
+        page.choose("Contact", "1: 3.0 s forearm")
+        wait_until(page, 2.5)
+        assert at(page) == 2.5
+
+
 def test_it_reports_no_error(page: Page) -> None:
     assert page.errors() == []
