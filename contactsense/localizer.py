@@ -11,6 +11,7 @@ from contactsense.sample_blocks import BlockEstimates, SampleBlock
 from contactsense.scene import Scene
 from contactsense.sensors.stream_state import DEGRADED, REPEATED, TOUCHED, UNUSABLE
 from contactsense.sensors.usable_sensors import usable_residuals_code_in_python
+from contactsense.sensors.validation import checked_flag
 from contactsense.static_localizer import Method
 from contactsense.stream_localizer import NOT_FINITE, StreamLocalizer
 from contactsense.types import Estimate, Sample
@@ -69,11 +70,12 @@ class Localizer(StreamLocalizer):
             estimates: Fill in `BlockEstimates.estimates` in any case.
 
         Raises:
-            ValueError: a field of a block has the wrong shape; the message names it.
+            ValueError: a field of a block has the wrong shape or is no number; the message names it.
             TypeError: it is a single block, or holds something else.
         """
         if isinstance(recording, SampleBlock):
             raise TypeError("recording: expected blocks, as in run_blocks([block]), got a SampleBlock")
+        estimates = checked_flag("estimates", estimates)
         self.reset()
         track = self._buffers.state.track
         if self._block_runner is None:

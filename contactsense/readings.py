@@ -15,7 +15,7 @@ from contactsense.scene import Scene, check_scene
 from contactsense.scene_model.arm_model import model_with_tool
 from contactsense.scene_model.link_sensors import mounts
 from contactsense.scene_model.load_weight import LoadWeight
-from contactsense.sensors.validation import checked_vector
+from contactsense.sensors.validation import checked_flag, checked_vector
 
 _ROUNDING = 1e-3
 """Of the squared length of a unit vector whose components were rounded."""
@@ -70,6 +70,7 @@ def forward_model(
         TypeError: `scene` is none.
     """
     check_scene(scene)
+    external = checked_flag("external", external)
     robot, joints = scene.robot, len(scene.robot.joints)
     if link not in scene.link_names:
         raise ValueError(f"link: expected one of {', '.join(scene.link_names)}, got {link!r}")

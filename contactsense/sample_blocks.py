@@ -18,8 +18,8 @@ _FIELDS = ("t", "q", "qd", "joint_torque", "base_wrench")
 @with_attributes
 @dataclass(frozen=True, eq=False, slots=True)
 class SampleBlock:
-    """N consecutive samples of one stream, see `contactsense.types.Sample`; a row of NaN means that the
-    sensor has no value in that sample."""
+    """N consecutive samples of one stream, see `contactsense.types.Sample`; a row of NaN, or a masked one,
+    means that the sensor has no value in that sample."""
 
     t: np.ndarray
     """Time on the robot's clock [s], shape (N,)."""

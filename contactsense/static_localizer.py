@@ -29,7 +29,7 @@ from contactsense.sensors.link_values import by_field
 from contactsense.sensors.sample_fields import SENSORS, SampleFields
 from contactsense.sensors.stream_state import Readings
 from contactsense.sensors.usable_sensors import Usable, sensor_bits_of
-from contactsense.sensors.validation import as_floats, checked_rows
+from contactsense.sensors.validation import as_floats, checked_flag, checked_rows
 from contactsense.types import Contact, Estimate
 
 Method = Literal["joint", "torques_first", "intrinsic"]
@@ -149,10 +149,11 @@ class StaticLocalizer:
                 new contact is distinguished from them.
 
         Raises:
-            ValueError: an argument has the wrong shape, is not finite or is implausible (mistaken units,
-                values beyond the limits of joints or sensor, a mistaken `external`), or the scene has no such
-                sensor.
+            ValueError: an argument has the wrong shape or type, is masked, not finite or implausible
+                (mistaken units, values beyond the limits of joints or sensor, a mistaken `external`), or the
+                scene has no such sensor.
         """
+        external, detect = checked_flag("external", external), checked_flag("detect", detect)
         given_links = wrist_wrench is not None or link_wrenches is not None
         links = by_field(wrist_wrench, link_wrenches) if given_links else {}
         usable = (base_wrench is not None, joint_torque is not None, 0)
@@ -263,6 +264,7 @@ class StaticLocalizer:
         Raises:
             ValueError: as `locate`; the message names the first such row.
         """
+        external, detect = checked_flag("external", external), checked_flag("detect", detect)
         q = checked_rows("q", q, None, self._joints, "rad")
         n = len(q)
         given, links = (base_wrench, joint_torque), by_field(wrist_wrench, link_wrenches)

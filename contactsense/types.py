@@ -22,7 +22,7 @@ EventKind = Literal["onset", "hold", "slide", "release", "resume", "weight"]
 @dataclass(frozen=True, eq=False, slots=True)
 class Sample:
     """Measurements at one instant, without the sensors' delays. A sensor that is absent, or without a value
-    at this instant, is None."""
+    at this instant, is None. A number that is NaN or masked is no value."""
 
     t: float
     """Time of the measurement on the robot's clock [s]."""

@@ -6,7 +6,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from contactsense.sensors.validation import checked_rows
+from contactsense.sensors.validation import as_floats, checked_rows
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class FreeMotion:
         Raises:
             ValueError: an array has the wrong shape, is not finite, or time does not increase.
         """
-        q = np.asarray(self.q, dtype=float)
+        q = as_floats(f"{self.name}: q", self.q)
         if q.ndim != 2 or len(q) < 3:
             raise ValueError(f"{self.name}: q: expected at least 3 rows of joint positions, got {q.shape}")
         n, joints = q.shape
@@ -53,7 +53,7 @@ class FreeMotion:
         except ValueError as error:
             raise ValueError(f"{self.name}: {error}") from None
         object.__setattr__(self, "link_readings", links)
-        t = np.ascontiguousarray(self.t, dtype=float)
+        t = as_floats(f"{self.name}: t", self.t)
         if t.shape != (n,) or not np.all(np.isfinite(t)) or np.any(np.diff(t) <= 0.0):
             raise ValueError(f"{self.name}: t: expected {n} increasing times [s]")
         object.__setattr__(self, "t", t)

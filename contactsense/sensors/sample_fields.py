@@ -6,7 +6,7 @@ import numpy as np
 
 from contactsense.sensors.link_values import by_field, name_of, with_values
 from contactsense.sensors.stream_state import INVALID, MAX_SENSORS, MISSING, UNSETTLED, Readings
-from contactsense.sensors.validation import checked_vector
+from contactsense.sensors.validation import as_floats, checked_vector
 from contactsense.types import Sample
 
 _FLOAT = np.dtype(np.float64)
@@ -60,11 +60,12 @@ class SampleFields:
                 if value is not None:
                     if len(value) != 6:
                         raise ValueError(f"{self._link_sensors[s]}: expected 6 numbers, got {len(value)}")
-                    self._link_wrench[s] = value
+                    self._link_wrench[s] = as_floats(self._link_sensors[s], value)
                     sensor_bits += 4 << s
         # Kernels that are called directly take this for granted.
         if not (
-            q.dtype is qd.dtype is torque.dtype is base.dtype is _FLOAT
+            type(q) is type(qd) is type(torque) is type(base) is np.ndarray
+            and q.dtype is qd.dtype is torque.dtype is base.dtype is _FLOAT
             and q.ndim == qd.ndim == torque.ndim == base.ndim == 1
         ) and not _are_vectors(q, qd, torque, base):
             raise TypeError("expected vectors of floats")
@@ -149,7 +150,13 @@ class SampleFields:
 
 
 def _are_vectors(*values: np.ndarray) -> bool:
-    return all(value.dtype == _FLOAT and value.ndim == 1 for value in values)
+    return all(
+        isinstance(value, np.ndarray)
+        and not isinstance(value, np.ma.MaskedArray)
+        and value.dtype == _FLOAT
+        and value.ndim == 1
+        for value in values
+    )
 
 
 def _placeholder(size: int) -> np.ndarray:
@@ -168,10 +175,7 @@ def _number(name: str, value: object) -> float:
 
 
 def _shaped(name: str, value: object, size: int) -> np.ndarray:
-    try:
-        array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ValueError(f"{name}: expected numbers, got {value!r:.60}") from None
+    array = as_floats(name, value)
     if array.shape != (size,):
         raise ValueError(f"{name}: expected shape ({size},), got shape {array.shape}")
     return array

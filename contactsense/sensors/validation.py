@@ -2,6 +2,10 @@
 
 import numpy as np
 
+_NO_NUMBERS = "cmM"
+"""Kinds of arrays that NumPy would convert: complex numbers without their imaginary parts, dates and
+durations in their own unit."""
+
 
 def checked_vector(name: str, value: object, size: int, unit: str) -> np.ndarray:
     """`value` as a contiguous float array of shape (size,).
@@ -37,14 +41,27 @@ def checked_array(name: str, value: object, shape: tuple[int, ...], unit: str) -
 
 
 def as_floats(name: str, value: object) -> np.ndarray:
-    """`value` as a contiguous float array of any shape; otherwise a ValueError that names the argument."""
+    """`value` as a contiguous float array of any shape, NaN where it is masked; otherwise a ValueError that
+    names the argument."""
     try:
         array = np.asarray(value)
-        if array.dtype.kind == "c":  # NumPy would take the real parts
+        if array.dtype.kind in _NO_NUMBERS:
             raise TypeError
-        return np.ascontiguousarray(array, dtype=np.float64)
+        floats = np.ascontiguousarray(array, dtype=np.float64)
     except (TypeError, ValueError):
-        raise ValueError(f"{name}: expected numbers, got {value!r}") from None
+        raise ValueError(f"{name}: expected numbers, got {value!r:.60}") from None
+    if isinstance(value, np.ma.MaskedArray):  # NumPy would take what is below the mask
+        return np.where(np.ma.getmaskarray(value), np.nan, floats)
+    return floats
+
+
+def checked_flag(name: str, value: object) -> bool:
+    """`value` as a truth value; otherwise a ValueError that names the argument: "no" would be true."""
+    if isinstance(value, bool):
+        return value
+    if isinstance(value, np.bool_ | int) and value in (0, 1):
+        return bool(value)
+    raise ValueError(f"{name}: expected True or False, got {value!r:.60}")
 
 
 def _finite(name: str, array: np.ndarray) -> None:

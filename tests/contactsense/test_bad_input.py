@@ -1,11 +1,12 @@
 """Bad input: it is named, it spoils nothing else, and nothing of it is taken for a number."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from contactsense import Localizer, Sample
+from contactsense import Localizer, Sample, SampleBlock
 from tests.at_rest import weight
 from tests.contactsense.held_posture import Q, push_on_forearm, pushed
 from tests.contactsense.precise import PRECISE
@@ -76,6 +77,10 @@ def test_what_is_no_sample_is_refused(
         ),
         ({"joint_torque": [0.0] * 5}, r"joint_torque: expected shape \(6,\) in Nm, got shape \(5,\)"),
         ({"joint_torque": "strong"}, "joint_torque: expected numbers, got 'strong'"),
+        ({"base_wrench": np.ma.masked_all(6)}, "base_wrench: expected finite numbers, got nan at index"),
+        ({"base_wrench": np.zeros(6, "m8[ns]")}, "base_wrench: expected numbers, got array"),
+        ({"base_wrench": [0.0] * 6, "external": "no"}, "external: expected True or False, got 'no'"),
+        ({"base_wrench": [0.0] * 6, "detect": None}, "detect: expected True or False, got None"),
         ({}, "expected at least one of the two, got none"),
         ({"base_wrench": [0.0] * 6, "wrist_wrench": [0.0] * 6}, "wrist_wrench: the scene has no such sensor"),
     ],
@@ -88,6 +93,47 @@ def test_bad_arguments_are_named(ordinary: Localizer, arguments: dict[str, objec
 def test_complex_numbers_are_none(ordinary: Localizer) -> None:
     with pytest.raises(ValueError, match=r"^q: expected numbers, got array"):
         ordinary.locate(np.zeros(6) + 1j, base_wrench=np.zeros(6))
+    with pytest.raises(ValueError, match=r"^q: expected numbers, got array"):
+        ordinary.step(Sample(0.0, np.zeros(6) + 1j, np.zeros(6)))
+
+
+@pytest.mark.parametrize("field", ["q", "qd", "joint_torque", "base_wrench"])
+def test_a_masked_number_is_no_value(precise: Localizer, field: str) -> None:
+    """NumPy keeps a number below the mask, and converts the array to it without a word."""
+    _, wrench = push_on_forearm()
+    samples = pushed(100, wrench, 3)
+    masked = [
+        replace(s, **{field: np.ma.masked_array(getattr(s, field), [0, 0, 1, 0, 0, 0])}) for s in samples
+    ]
+    nan = [replace(s, **{field: np.where(np.arange(6) == 2, np.nan, getattr(s, field))}) for s in samples]
+    estimates = list(precise.run(masked))
+    assert estimates[-1].status == "degraded"
+    assert [e.reason for e in estimates] == [e.reason for e in precise.run(nan)]
+    values = {
+        name: [getattr(s, name) for s in samples] for name in ("q", "qd", "joint_torque", "base_wrench")
+    }
+    values[field] = np.ma.array([getattr(s, field) for s in masked])
+    block = SampleBlock(np.array([s.t for s in samples]), **values)
+    (found,) = precise.run_blocks([block], estimates=True)
+    assert (found.phase == 0).all() if field in ("q", "qd") else not found.usable[-1].all()
+    if field != "qd":
+        given = {name: v for name, v in values.items() if name != "qd"}
+        with pytest.raises(
+            ValueError, match=rf"^{field}: expected finite numbers, got nan at index \[0, 2\]"
+        ):
+            precise.locate_batch(**given)
+
+
+def test_a_mask_without_masked_numbers_changes_nothing(precise: Localizer) -> None:
+    _, wrench = push_on_forearm()
+    samples = pushed(100, wrench, 3)
+    masked = [replace(s, base_wrench=np.ma.masked_array(s.base_wrench)) for s in samples]
+    assert [e.status for e in precise.run(masked)] == [e.status for e in precise.run(samples)]
+
+
+def test_a_flag_in_words_is_refused_in_a_batch(ordinary: Localizer) -> None:
+    with pytest.raises(ValueError, match=r"^external: expected True or False, got 'no'$"):
+        ordinary.locate_batch(np.zeros((2, 6)), base_wrench=np.zeros((2, 6)), external="no")  # type: ignore[arg-type]
 
 
 def test_batches_must_be_of_one_length(ordinary: Localizer) -> None:

@@ -221,12 +221,16 @@ def test_a_silent_or_saturated_sensor_is_told_and_not_used() -> None:
         samples[i] = replace(samples[i], link_wrenches={"forearm": wrong})
     for i in range(320, 340):
         samples[i] = replace(samples[i], link_wrenches={"forearm": np.full(6, np.nan)})
+    for i in range(340, 350):
+        masked = np.ma.masked_array(np.full(6, 1e20), mask=True)
+        samples[i] = replace(samples[i], link_wrenches={"forearm": masked})
     found = list(localizer.run(samples))
     assert found[199].status == "none"
     for i in (250, 299):
         assert (found[i].status, found[i].reason) == ("degraded", f"{FIELD} is missing")
     assert f"{FIELD}: expected a reading within the sensor's range, below 400 N in fy" in found[310].reason
     assert f"{FIELD}" in found[330].reason
+    assert found[345].reason == found[330].reason
     assert found[-1].status == "none"
     assert not any(estimate.contacts for estimate in found)
 
