@@ -1,9 +1,22 @@
-"""YAML that a user has written: repeated keys are refused, errors are in words."""
+"""YAML that a user has written: no key twice, errors in words, and numbers that are what they look like.
 
+PyYAML knows YAML 1.1 only, in which `010` is 8 and `1:30` is 90. Here the first is 10 and the second text, as
+in YAML 1.2.
+"""
+
+import re
 from pathlib import Path
 from typing import Any
 
 import yaml
+
+_INTEGER, _FLOAT = "tag:yaml.org,2002:int", "tag:yaml.org,2002:float"
+_NUMBERS = {
+    _INTEGER: r"[-+]?(0b[01_]+|0x[0-9a-fA-F_]+|[0-9][0-9_]*)",
+    _FLOAT: r"[-+]?([0-9][0-9_]*\.[0-9_]*|\.[0-9][0-9_]*|[0-9][0-9_]*(?=[eE]))([eE][-+]?[0-9]+)?"
+    r"|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)",
+}
+"""Numbers in other forms are text."""
 
 
 class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
@@ -28,6 +41,20 @@ class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[mi
             lines[key.value] = line
         mapping: dict[Any, Any] = super().construct_mapping(node, deep)
         return mapping
+
+    def construct_yaml_int(self, node: yaml.ScalarNode) -> int:
+        text = str(node.value).replace("_", "")
+        return int(super().construct_yaml_int(node)) if re.search("[bx]", text) else int(text)
+
+    yaml_implicit_resolvers = {  # noqa: RUF012 (a name of PyYAML)
+        first: [(tag, pattern) for tag, pattern in kinds if tag not in _NUMBERS]
+        for first, kinds in yaml.SafeLoader.yaml_implicit_resolvers.items()
+    }
+
+
+for _tag, _pattern in _NUMBERS.items():
+    _Loader.add_implicit_resolver(_tag, re.compile(rf"(?:{_pattern})$"), list("-+.0123456789"))
+_Loader.add_constructor(_INTEGER, _Loader.construct_yaml_int)
 
 
 class _RepeatedKeyError(Exception):
@@ -92,6 +119,8 @@ def _parsed(text: str, name: str) -> Any:
         raise ValueError(f"{name}: {error}") from None
     except RecursionError:
         raise ValueError(f"{name}: nested too deeply") from None
+    except ValueError as error:  # a date that does not exist, a number of thousands of digits
+        raise ValueError(f"{name}: not YAML: {error}") from None
 
 
 def _fields(content: Any, name: str, example: str) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from contactsense.plausibility.plausible_limits import PlausibleLimits
 from contactsense.robots.extras import install_command
 from contactsense.robots.file_references import moved
 from contactsense.robots.whole_file import write_text
+from contactsense.robots.yaml_fields import read_fields
 from contactsense.scene import Scene, SceneError
 from contactsense.service.cli.calibration_doubts import doubts
 from contactsense.service.cli.calibration_page import Section, channels, page, reasons_against
@@ -178,7 +179,7 @@ def _in_radians(recording: Path, scene: Scene, stretches: list[FreeMotion]) -> N
 def scene_text(path: Path, scene: Scene, target: Path) -> str:
     """Text of the scene file for `target`, with the calibrated fields; other fields are unchanged, comments
     are lost."""
-    content = moved(yaml.safe_load(path.read_text(encoding="utf-8")), path.parent, target.parent)
+    content = moved(read_fields(path, "the scene", "robot: ur5e"), path.parent, target.parent)
     fresh = scene.model_dump(mode="json", include=set(_PARTS), exclude_defaults=True)
     for part in _PARTS:
         value = getattr(scene, part)

@@ -1,5 +1,6 @@
 """Files of fields that a user has written: whatever cannot be used is said in one line."""
 
+from math import inf
 from pathlib import Path
 
 import pytest
@@ -13,8 +14,37 @@ def test_fields_are_those_of_yaml() -> None:
 
 
 @pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("010", 10),
+        ("-08", -8),
+        ("0500", 500),
+        ("0x1F", 31),
+        ("0b101", 5),
+        ("1_000", 1000),
+        ("1e-3", 1e-3),
+        ("1E3", 1e3),
+        ("1.5e-3", 1.5e-3),
+        ("-.5", -0.5),
+        ("-.inf", -inf),
+        ("1:30", "1:30"),
+        ("1:30.5", "1:30.5"),
+        ("10.0.0.1", "10.0.0.1"),
+        ("1e", "1e"),
+        ("9,81", "9,81"),
+    ],
+)
+def test_numbers_are_what_they_look_like(text: str, value: object) -> None:
+    """In YAML 1.1, leading zeros are octal, colons are base 60, and 1e-3 is text."""
+    (found,) = fields_in(f"a: {text}", "file", "a: 1").values()
+    assert (type(found), found) == (type(value), value)
+
+
+@pytest.mark.parametrize(
     ("content", "message"),
     [
+        (b"a: 2024-13-45", "file.yaml: not YAML: month must be in 1..12"),
+        (b"a: 0x_", "file.yaml: not YAML: invalid literal"),
         (b"", "file.yaml: expected fields such as `robot: ur5e`, got nothing"),
         (b"# a comment", "file.yaml: expected fields such as `robot: ur5e`, got nothing"),
         (b"- 1", "file.yaml: expected fields such as `robot: ur5e`, got [1]"),

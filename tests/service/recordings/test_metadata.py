@@ -53,6 +53,14 @@ def test_a_calibrated_scene_keeps_the_surface_of_its_tool(file: Path) -> None:
     assert f"  deviation: |\n    {LINES[0]}\n    {LINES[1]}\n" in file.read_text(encoding="utf-8")
 
 
+def test_a_calibrated_scene_keeps_the_numbers_of_the_file(file: Path) -> None:
+    file.write_text(CELL + "gravity: 010\ntorsion: 1e-3\n", encoding="utf-8")
+    scene = Scene.load(file)
+    file.write_text(scene_text(file, scene, file), encoding="utf-8")
+    assert (scene.gravity, scene.torsion) == (10.0, 1e-3)
+    assert Scene.load(file).model_dump() == scene.model_dump()
+
+
 def test_a_folder_of_recordings_with_different_scenes_has_none_of_its_own(tmp_path: Path) -> None:
     """The files of one would be read by the scene of the other."""
     truth = np.tile([0.0, 0.0, -200.0, 0.0, 0.0, 0.0], (20, 1))
