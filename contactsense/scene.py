@@ -20,6 +20,7 @@ from pydantic import (
 
 from contactsense import robots
 from contactsense.robots import Robot
+from contactsense.robots.arm_checks import check_arm
 from contactsense.robots.attribute_docs import with_attributes
 from contactsense.robots.field_errors import Place, describe, reasons
 from contactsense.robots.file_model import FileModel
@@ -84,7 +85,10 @@ def _as_robot(value: object) -> object:
     if not isinstance(value, str | Path | Robot):
         what = "a name that `contactsense robots` lists, or the path of a URDF or YAML file"
         raise ValueError(f"expected {what}, got {value!r:.60}")
-    return value if isinstance(value, Robot) else robots.load(value)
+    if not isinstance(value, Robot):
+        return robots.load(value)
+    check_arm(value)
+    return value
 
 
 def _reference(robot: Robot) -> str:

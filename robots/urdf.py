@@ -13,17 +13,13 @@ import numpy as np
 import trimesh
 
 from contactsense.robots.arm_chain import longest_way, way_to
+from contactsense.robots.arm_checks import LIGHT, MOST_RADIANS, PLACEHOLDER
 from contactsense.robots.errors import RobotError
 from contactsense.robots.meshes import check_unit, read_mesh
 from contactsense.robots.principal_moments import check_principal_moments
 from contactsense.robots.robot import NO_MASS, Inertia, Joint, Link, Robot
 from contactsense.robots.tool import join_inertia, move_inertia
 from contactsense.robots.urdf_document import MOVING, TURNING, read_document
-
-_RADIANS, _PLACEHOLDER = 10.0 * np.pi, 1000.0
-"""Limits of a revolute joint between these are in degrees; larger ones are an exporter's for none [rad]."""
-_LIGHT = 1e-3
-"""The inertia of a lighter link is a placeholder [kg]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -270,7 +266,7 @@ def _link(path: Path, name: str, parts: list[tuple[str, np.ndarray]], links: dic
 
 def _check_tensor(path: Path, link: str, body: Inertia) -> None:
     """Refuse an inertia that no body has."""
-    if body.mass > _LIGHT:
+    if body.mass > LIGHT:
         try:
             check_principal_moments(body.tensor)
         except ValueError as error:
@@ -290,9 +286,9 @@ def _joint(path: Path, joint: Any, parts: list[tuple[str, np.ndarray]]) -> Joint
             f"{path}: joint {joint.name}: limits: expected lower <= upper, got {limit.lower:g} and "
             f"{limit.upper:g} rad"
         )
-    if joint.type == "revolute" and _RADIANS < max(-limit.lower, limit.upper) < _PLACEHOLDER:
+    if joint.type == "revolute" and MOST_RADIANS < max(-limit.lower, limit.upper) < PLACEHOLDER:
         raise RobotError(
-            f"{path}: joint {joint.name}: limits: expected rad, none above {_RADIANS:.4g}, got "
+            f"{path}: joint {joint.name}: limits: expected rad, none above {MOST_RADIANS:.4g}, got "
             f"{limit.lower:g} and {limit.upper:g}; if these are degrees: {np.radians(limit.lower):.4g} and "
             f"{np.radians(limit.upper):.4g}; a joint without limits is continuous"
         )
