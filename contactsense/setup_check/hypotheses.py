@@ -214,9 +214,10 @@ def other_signal(scene: Scene) -> np.ndarray:
 
 
 def reads_other_signal(setup: Setup, scene: Scene) -> bool:
-    """Whether a setup takes the joint torques for the other signal."""
-    known = setup.gain != 0.0  # that of frozen torques says nothing
-    return bool(known.any() and (np.abs(setup.gain) == other_signal(scene))[known].all())
+    """Whether a setup takes the joint torques for the other signal; with constants of 1, it is the same."""
+    known, other = setup.gain != 0.0, other_signal(scene)  # the gain of frozen torques says nothing
+    differs = (other != 1.0)[known].any()
+    return bool(differs and (np.abs(setup.gain) == other)[known].all())
 
 
 def signed_permutations() -> list[np.ndarray]:

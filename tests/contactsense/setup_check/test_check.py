@@ -149,6 +149,23 @@ def test_torque_constants_that_all_differ_are_all_estimated() -> None:
     np.testing.assert_allclose(json.loads(item.proposed)[:4], right[:4], rtol=0.1)
 
 
+@pytest.mark.slow
+def test_torque_constants_that_are_all_one_are_estimated() -> None:
+    """Torques and currents are the same then, which hid that the scale is another one."""
+    case = right_setup("ur5e", 1, DRAWN)
+    sensor, torque = case.scene.joint_torque, case.recording.torque
+    assert sensor is not None
+    assert torque is not None
+    ones = sensor.model_copy(update={"signal": "actual_current", "torque_constants": (1.0,) * 6})
+    found = check(
+        case.scene.model_copy(update={"joint_torque": ones}), [replace(case.recording, torque=0.1 * torque)]
+    )
+    (item,) = found.wrong
+    assert item.line == "joint_torque.torque_constants"
+    assert item.proposed is not None
+    np.testing.assert_allclose(json.loads(item.proposed)[:3], 10.0, rtol=0.05)
+
+
 @pytest.mark.parametrize(("mass", "factor"), [(5.0, 1.0), (0.5, 2.0), (0.1, 10.0)])
 def test_the_centre_of_mass_of_a_light_tool_matters_less(mass: float, factor: float) -> None:
     """What counts is the moment of its weight."""

@@ -23,6 +23,15 @@ def test_torques_that_are_all_frozen_leave_their_signal_as_it_is(
     assert line_value(TORQUE_SIGNAL, frozen, scene) == (signal, "")
 
 
+@pytest.mark.parametrize("signal", ["actual_current", "actual_current_as_torque"])
+def test_with_torque_constants_of_one_the_signal_is_the_stated_one(
+    signal: Literal["actual_current", "actual_current_as_torque"],
+) -> None:
+    sensor = JointTorqueSensor(signal=signal, torque_constants=(1.0,) * 6)
+    scene = Scene(robot=plain_ur5e(), joint_torque=sensor)
+    assert line_value(TORQUE_SIGNAL, Setup.of(scene), scene) == (signal, "")
+
+
 @pytest.mark.parametrize(
     ("noise", "text"),
     [
