@@ -15,6 +15,8 @@ from contactsense.service.recordings.problems import RecordingError
 
 PREFIX = "contactsense."
 _CREATED, _TABLE = "created", "table"
+RAW = "samples"
+"""Table of the recorder whose rows have every signal as received."""
 _REMOVED = "removed_delays"
 CONFLICT = "scene_conflict"
 """Entry that names two files of a folder whose scenes differ."""
@@ -70,6 +72,21 @@ def removed_delays_of_meta(meta: Mapping[str, str]) -> dict[str, float]:
     """Field of a sensor -> the delay that has been taken off its readings [s]; only those that are not 0."""
     found: dict[str, float] = json.loads(meta.get(PREFIX + _REMOVED, "{}"))
     return found
+
+
+def is_raw(meta: Mapping[str, str]) -> bool:
+    """Whether a file's signals are also there as received, beside what a scene made of them."""
+    return meta.get(PREFIX + _TABLE) == RAW
+
+
+def recorded_scene(meta: Mapping[str, str]) -> Scene | None:
+    """The scene with which an arm was recorded; None where the metadata do not tell."""
+    if PREFIX + _TABLE not in meta:
+        return None
+    try:
+        return scene_of_meta(meta, "")
+    except RecordingError:
+        return None
 
 
 def scene_of_meta(meta: Mapping[str, str], name: str) -> Scene:

@@ -14,6 +14,7 @@ Kind = Literal[
     "schema",
     "held",
     "velocities",
+    "other_torques",
 ]
 
 

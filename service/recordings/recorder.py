@@ -14,7 +14,7 @@ import numpy as np
 from contactsense.scene import Scene
 from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
 from contactsense.sensors.link_values import by_field, column_of
-from contactsense.service.recordings.metadata import metadata
+from contactsense.service.recordings.metadata import RAW, metadata
 from contactsense.service.recordings.segment_writer import Rotation, SegmentWriter
 from contactsense.service.sensors.netft_client import WrenchRecord
 from contactsense.service.sensors.robot_stream import RobotRecord
@@ -151,6 +151,6 @@ class Recorder:
             *links,
         )
         return SegmentWriter(
-            self._folder, "samples", names, metadata(self._scene, table="samples"), self._rotation,
+            self._folder, "samples", names, metadata(self._scene, table=RAW), self._rotation,
             rate=self._rate,
         )  # fmt: skip

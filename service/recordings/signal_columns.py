@@ -6,7 +6,7 @@ from contactsense.scene import Scene
 from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
 from contactsense.scene_model.wrench_map import WrenchMap
 from contactsense.service.recordings.column_mapping import ColumnMapping, expand
-from contactsense.service.recordings.metadata import removed_delays_of_meta
+from contactsense.service.recordings.metadata import is_raw, recorded_scene, removed_delays_of_meta
 from contactsense.service.recordings.problems import Problem, RecordingError
 from contactsense.service.recordings.table import TableFile
 from contactsense.service.sensors.robot_stream import SensorError
@@ -40,7 +40,7 @@ class SignalColumns:
         self._joints = len(scene.robot.joints)
         names, n = table.names, self._joints
         self.absent: list[Problem] = []
-        """Sensors of the scene that the file does not have."""
+        """Sensors of the scene that the file does not have, or not as the scene says."""
         if mapping.timestamp not in names:
             self._missing("timestamp", mapping.timestamp)
         self.q: list[str] = self._group("q", mapping.q, n)
@@ -87,22 +87,44 @@ class SignalColumns:
         if self._mapping.joint_torque is not None:
             return self._group("joint_torque", self._mapping.joint_torque, n), None
         own = expand(("joint_torque",), n, names)
-        if sensor.fields is None and all(name in names for name in own):
+        has_own = all(name in names for name in own)
+        raw_first = sensor.fields is not None or is_raw(self._table.meta)
+        if has_own and not raw_first:
+            self._note_other_torques()
             return own, None
         try:
             source = TorqueMap.of(self._scene)
         except SensorError as error:
+            if has_own:
+                return own, None
             raise RecordingError(f"{self._name}: {error}") from None
         assert source is not None
         columns = [column for name in source.names for column in self._columns_of(name, source)]
         if any(column not in names for column in columns):
-            if all(name in names for name in own):  # converted before
+            if has_own:  # converted before
+                self._note_other_torques()
                 return own, None
             message = f"no {own[0]} ... nor {columns[0]} ... ({sensor.signal}): joint torques are not used"
             message += self._other_signal()
             self.absent.append(Problem(0, 0, "missing_sensor", message))
             return [], None
         return columns, source
+
+    def _note_other_torques(self) -> None:
+        """Note joint torques that were converted by a scene with another signal, sign or constants."""
+        recorded = recorded_scene(self._table.meta)
+        if recorded is None:
+            return
+        try:
+            before, now = TorqueMap.of(recorded), TorqueMap.of(self._scene)
+        except SensorError:
+            return
+        if before is not None and now is not None and not before.is_as(now):
+            message = (
+                "joint torques are those of the scene in the file: its joint_torque.signal, sign and "
+                "torque_constants are not those of this scene, which have no effect"
+            )
+            self.absent.append(Problem(0, 0, "other_torques", message))
 
     def _other_signal(self) -> str:
         """Advice where the file has another torque signal than the scene states."""

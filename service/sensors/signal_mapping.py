@@ -41,6 +41,10 @@ class TorqueMap:
             return cls(sensor.fields or ("actual_current",), ("target_current",), scale)
         return cls(fields, (), scale)
 
+    def is_as(self, other: "TorqueMap") -> bool:
+        """Whether both give the same torques."""
+        return self.names == other.names and np.array_equal(self.scale, other.scale)
+
     @property
     def names(self) -> tuple[str, ...]:
         """All fields that are read."""
