@@ -217,6 +217,13 @@ class Scene(FileModel):
             return prior
         raise ValueError(f"expected area, equal or a weight of each link by name, got {prior!r}")
 
+    @field_validator("bodies", "link_wrenches", mode="before")
+    @classmethod
+    def _is_list(cls, parts: Any) -> Any:
+        if isinstance(parts, FileModel):  # a list of pairs, to Python
+            raise ValueError(f"expected a list, got {parts!r:.60}")
+        return parts
+
     @model_validator(mode="before")
     @classmethod
     def _is_current(cls, fields: Any) -> Any:
@@ -227,7 +234,8 @@ class Scene(FileModel):
     @model_validator(mode="before")
     @classmethod
     def _calibrate(cls, fields: Any) -> Any:
-        if isinstance(fields, dict) and fields.get("kinematics") is not None:
+        # A value of another type is left to the check of the field.
+        if isinstance(fields, dict) and isinstance(fields.get("kinematics"), str | Path):
             robot = _as_robot(fields.get("robot"))
             if isinstance(robot, Robot):
                 try:

@@ -123,8 +123,8 @@ class Estimate:
     `reason`."""
     contacts: tuple[Contact, ...]
     """Candidates, most probable first; with `other` their probabilities add up to one. Where a base sensor
-    measures, those on one link are at places that differ significantly. If the status is `multiple`: the
-    simultaneous contacts of the best of `explanations`."""
+    measures, those on one link are at places that differ significantly. Where there are `explanations`: the
+    simultaneous contacts of the first of them, which may be a single one."""
     link_probability: np.ndarray
     """Probability that each link is touched, shape (n + 1,); zeros without contact. The remainder to one is
     the probability that it is not a single push on a touchable link: a pull, a couple, several contacts.

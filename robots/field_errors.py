@@ -23,6 +23,7 @@ _WORDS = {
     "list_type": "expected a list",
     "tuple_type": "expected a list",
     "string_type": "expected text",
+    "path_type": "expected a path",
     "bool_type": "expected true or false",
     "bool_parsing": "expected true or false",
     "float_type": "expected a number",
