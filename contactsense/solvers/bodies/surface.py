@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from contactsense.robots.rotations import symmetric
 from contactsense.robots.surface.convex_primitives import curvature
+from contactsense.sensors.validation import as_floats
 from contactsense.solvers.solution import Answer
 
 Kernel = Callable[..., Answer]
@@ -82,12 +83,12 @@ class EqualByFields:
 
 
 def vectors(name: str, values: ArrayLike, dimensions: int) -> np.ndarray:
-    """A copy of one vector (`dimensions` 1) or of rows of them (2).
+    """A copy of one vector (`dimensions` 1) or of rows of them (2), NaN where they are masked.
 
     Raises:
-        ValueError: It has another shape; the message names it.
+        ValueError: It has another shape or is no number; the message names it.
     """
-    array = np.array(values, dtype=float)
+    array = np.array(as_floats(name, values))
     if array.ndim != dimensions or array.shape[-1] != 3:
         expected = "(3,)" if dimensions == 1 else "(N, 3)"
         raise ValueError(f"{name}: expected shape {expected}, not {array.shape}")

@@ -11,6 +11,7 @@ from contactsense.kinematics.linalg.ldl import ldl_solve
 from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.robots.rotations import cross_matrix
 from contactsense.robots.vectors import Vector
+from contactsense.sensors.validation import as_floats
 from contactsense.solvers.bodies.paper_surfaces import Placed
 from contactsense.solvers.bodies.surface import EqualByFields, Surface, vectors
 from contactsense.solvers.posterior.contact_prior import (
@@ -264,7 +265,7 @@ class _Search:
 
 
 def _checked_covariance(covariance: ArrayLike) -> np.ndarray:
-    P = np.array(covariance, dtype=float)
+    P = np.array(as_floats("covariance", covariance))
     if P.shape != (6, 6):
         raise ValueError(f"covariance: expected shape (6, 6), not {P.shape}")
     size = np.sqrt(np.abs(np.diag(P)))

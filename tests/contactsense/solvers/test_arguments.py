@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from contactsense.solvers import Ellipsoid, Placed, Plane, Polytope, Sphere, solve, solve_batch
+from contactsense.solvers import Ellipsoid, Placed, Plane, Polytope, Sphere, Status, solve, solve_batch
 from contactsense.solvers.solver_batch import compiled_rows
 
 BALL = Sphere(0.1)
@@ -33,6 +33,23 @@ def test_rows_must_match() -> None:
         solve_batch(BALL, np.ones((4, 3)), np.ones((1, 3)))
     with pytest.raises(ValueError, match=r"moment: expected shape \(3,\)"):
         solve(BALL, np.ones(3), np.ones((1, 3)))
+
+
+def test_a_masked_wrench_is_none() -> None:
+    """NumPy keeps a number below the mask, and converts the array to it without a word."""
+    force = np.ma.masked_array([0.0, 0.0, -1.0], [True, False, False])
+    assert solve(BALL, force, np.zeros(3)).status == Status.NOT_FINITE
+    rows = np.ma.masked_array([[0.0, 0.0, -1.0]] * 2, [[True, False, False], [False] * 3])
+    assert solve_batch(BALL, rows, np.zeros((2, 3))).status.tolist() == [Status.NOT_FINITE, Status.OK]
+    masked = np.ma.masked_array(np.eye(6), np.eye(6) > 0.0)
+    with pytest.raises(ValueError, match="covariance: must be finite"):
+        solve(BALL, force.data, np.zeros(3), covariance=masked)
+
+
+@pytest.mark.parametrize(("force", "got"), [("up", "'up'"), (np.ones(3) + 1j, r"array\(\[1\.\+1\.j")])
+def test_what_is_no_wrench_is_named(force: object, got: str) -> None:
+    with pytest.raises(ValueError, match=f"^force: expected numbers, got {got}"):
+        solve(BALL, force, np.zeros(3))  # type: ignore[call-overload]
 
 
 @pytest.mark.slow
