@@ -1,6 +1,7 @@
 """Sensor readings caused by a contact: the forward model that the localizer inverts, for an arm at rest."""
 
 from math import isfinite
+from numbers import Real
 from typing import NamedTuple
 
 import numpy as np
@@ -82,8 +83,8 @@ def forward_model(
         in_metres(tuple(point.tolist()))
     except ValueError as error:
         raise ValueError(f"point: {error}") from None
-    if not isfinite(torsion):
-        raise ValueError(f"torsion: expected a finite number, got {torsion}")
+    if not (isinstance(torsion, Real) and isfinite(torsion)):
+        raise ValueError(f"torsion: expected a finite number, got {torsion!r}")
     if torsion != 0.0 and normal is None:
         raise ValueError("normal: expected the outward normal that torsion acts about, got none")
     if normal is not None:

@@ -4,6 +4,7 @@ Smallest forces follow from the distribution of the residuals' energy. Errors an
 those of the localizer's answers to a few readings of each push, at fixed points of the noise's distribution.
 """
 
+from numbers import Integral, Real
 from typing import NamedTuple
 
 import numpy as np
@@ -131,16 +132,16 @@ def detectability(
     """
     check_scene(scene)
     force = scene.force if force is None else force
-    if not 0.0 < force <= LARGEST_FORCE:
+    if not (isinstance(force, Real) and 0.0 < force <= LARGEST_FORCE):
         raise ValueError(
             f"force: expected a positive number of newtons, at most {LARGEST_FORCE:g}, got {force!r}"
         )
-    if not 0.0 < detection < 1.0:
+    if not (isinstance(detection, Real) and 0.0 < detection < 1.0):
         raise ValueError(f"detection: expected a probability between 0 and 1, got {detection!r}")
-    if not (np.isfinite(friction) and friction >= 0.0):
+    if not (isinstance(friction, Real) and np.isfinite(friction) and friction >= 0.0):
         raise ValueError(f"friction: expected a coefficient of at least 0, got {friction!r}")
-    if every < 1:
-        raise ValueError(f"every: expected at least 1, got {every!r}")
+    if not (isinstance(every, Integral) and every >= 1):
+        raise ValueError(f"every: expected a whole number of at least 1, got {every!r}")
     joints = len(scene.robot.joints)
     q = checked_vector("q", q, joints, "rad")
     if (beyond := PlausibleLimits(scene).position(q)) is not None:

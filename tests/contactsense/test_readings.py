@@ -96,6 +96,8 @@ def test_a_sensor_that_the_scene_lacks_has_no_readings() -> None:
             {"torsion": np.nan, "normal": np.array([0.0, 0.0, 1.0])},
             "torsion: expected a finite number, got nan",
         ),
+        ({"torsion": "0.1"}, "torsion: expected a finite number, got '0.1'"),
+        ({"external": "no"}, "external: expected True or False, got 'no'"),
     ],
 )
 def test_bad_arguments_are_named(changes: dict[str, object], message: str) -> None:

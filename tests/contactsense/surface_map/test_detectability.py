@@ -150,7 +150,11 @@ def test_the_detected_size_is_detected_as_often() -> None:
         ({"force": 1e300}, r"force: expected a positive number of newtons, at most 5000, got 1e\+300"),
         ({"detection": 1.0}, "detection: expected a probability between 0 and 1, got 1.0"),
         ({"friction": -0.1}, "friction: expected a coefficient of at least 0, got -0.1"),
-        ({"every": 0}, "every: expected at least 1, got 0"),
+        ({"every": 0}, "every: expected a whole number of at least 1, got 0"),
+        ({"every": 1.5}, "every: expected a whole number of at least 1, got 1.5"),
+        ({"force": "20"}, "force: expected a positive number of newtons, at most 5000, got '20'"),
+        ({"detection": None}, "detection: expected a probability between 0 and 1, got None"),
+        ({"friction": "dry"}, "friction: expected a coefficient of at least 0, got 'dry'"),
         ({"q": np.array([0.0, -90.0, 90.0, 0.0, 0.0, 0.0])}, "q: .* got -90; are they in degrees"),
     ],
 )
