@@ -60,7 +60,9 @@ class SampleFields:
                 if value is not None:
                     if len(value) != 6:
                         raise ValueError(f"{self._link_sensors[s]}: expected 6 numbers, got {len(value)}")
-                    self._link_wrench[s] = as_floats(self._link_sensors[s], value)
+                    if type(value) is not np.ndarray or value.dtype is not _FLOAT:
+                        value = as_floats(self._link_sensors[s], value)
+                    self._link_wrench[s] = value
                     sensor_bits += 4 << s
         # Kernels that are called directly take this for granted.
         if not (
