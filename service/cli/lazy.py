@@ -5,14 +5,16 @@ from importlib import import_module
 
 import click
 
-from contactsense.robots.extras import install_command
-
 EXTRAS = {"viser": ("viewer",)}
 """Package -> the extras that install it, where that is neither `geometry` nor `test`."""
 
 
 def missing(command: str, package: str) -> str:
     """What a command says where a package is not installed."""
+    from contactsense.robots.extras import (
+        install_command,
+    )  # with NumPy, which a command without need not load
+
     return f"{command} needs {package}: {install_command(*EXTRAS.get(package, ('geometry', 'test')))}"
 
 

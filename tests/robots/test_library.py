@@ -165,7 +165,7 @@ def test_a_urdf_without_the_packages_that_read_it_names_the_extra(
 ) -> None:
     monkeypatch.delattr(robots, "urdf", raising=False)
     monkeypatch.setitem(sys.modules, "contactsense.robots.urdf", None)
-    with pytest.raises(SceneError, match=r"robot: .*arm.urdf: a URDF needs .*contactsense\[geometry\]"):
+    with pytest.raises(SceneError, match=r"robot: .*arm.urdf: a URDF needs .*pip install '\.\[geometry\]'"):
         Scene(robot=str(tmp_path / "arm.urdf"))
 
 
