@@ -11,9 +11,8 @@ EXTRAS = {"viser": ("viewer",)}
 
 def missing(command: str, package: str) -> str:
     """What a command says where a package is not installed."""
-    from contactsense.robots.extras import (
-        install_command,
-    )  # with NumPy, which a command without need not load
+    # With NumPy, which may not be loaded before its number of threads is set.
+    from contactsense.robots.extras import install_command
 
     return f"{command} needs {package}: {install_command(*EXTRAS.get(package, ('geometry', 'test')))}"
 
