@@ -102,4 +102,4 @@ def test_small_noise_moves_the_answers_as_the_gain_says() -> None:
         expected = (residuals - push[i, :, 0]) @ gain[i].T
         right = found.link == places.link[i]
         errors.append(np.median(np.linalg.norm((moved - expected)[right], axis=1) / np.std(expected)))
-    assert np.median(errors) < 0.1
+    assert np.median(errors) < 0.01
