@@ -99,8 +99,8 @@ _KINDS = {
 def _packed(surface: Simple) -> tuple[int, np.ndarray, np.ndarray, np.ndarray]:
     """Kind, size, axes and origin of a surface."""
     if isinstance(surface, Placed):
-        kind, size, _, _ = _packed(surface.surface)  # type: ignore[arg-type]
-        return kind, size, surface.rotation, surface.origin
+        kind, size, rotation, origin = _packed(surface.surface)  # type: ignore[arg-type]
+        return kind, size, surface.rotation @ rotation, surface.origin + surface.rotation @ origin
     if type(surface) not in _KINDS:
         raise ValueError(f"Compound: {type(surface).__name__} has no closed form of one surface")
     # As for the wrench axis, for which a sphere is an ellipsoid.

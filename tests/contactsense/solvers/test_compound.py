@@ -174,6 +174,16 @@ def test_a_placed_compound_is_solved_in_its_pose() -> None:
     np.testing.assert_allclose(there.centroid[ordinary], here.centroid[ordinary], atol=1e-11)
 
 
+def test_a_part_that_is_placed_twice_is_solved_in_both_poses() -> None:
+    quarter = np.array(((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)))
+    inner = Placed(Ellipsoid(0.02, 0.03, 0.04), np.array((0.0, 0.1, 0.0)), quarter)
+    twice = Placed(inner, np.array((0.0, 0.0, 0.5)), quarter.T)
+    force, moment = np.array((0.2, 0.1, -3.0)), np.array((0.01, -0.32, 0.0))
+    alone, part = (solve(body, force, moment) for body in (twice, Compound([Part(twice, ())], 1.0)))
+    assert alone.ok
+    np.testing.assert_allclose(part.centroid, alone.centroid, atol=1e-12)
+
+
 def test_invalid_parts_are_rejected() -> None:
     with pytest.raises(ValueError, match="parts must not be empty"):
         Compound([], 1.0)
