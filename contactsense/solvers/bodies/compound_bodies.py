@@ -9,6 +9,7 @@ import numpy as np
 from contactsense.solvers.bodies.paper_surfaces import Cone, Cylinder, Ellipsoid, Placed, Plane, Sphere
 from contactsense.solvers.bodies.surface import KernelSurface, positive
 from contactsense.solvers.closed_form import compound
+from contactsense.solvers.solution import PATCH_TOLERANCE
 
 Simple = Sphere | Ellipsoid | Cylinder | Cone | Plane | Placed
 """A surface with a closed form, or one of these placed."""
@@ -80,20 +81,39 @@ class Compound(KernelSurface):
 
     def shape_operator(self, point: np.ndarray, normal: np.ndarray) -> np.ndarray:
         """The surface's shape operator there [1/m], shape (3, 3): that of the part that contains the
-        point."""
+        point, at an edge of the one with this normal."""
         x, y, z = (float(component) for component in point)
         distances = []
         for row in range(len(self.parts)):
             ends = [row, *(k for k in self._packed.border[row] if k >= 0)]
             outside = [compound.outside_distance(self._packed, k, (x, y, z)) for k in ends]
             distances.append(max(abs(outside[0]), *outside[1:]) if len(outside) > 1 else abs(outside[0]))
-        return self.parts[int(np.argmin(distances))].surface.shape_operator(point, normal)
+        seam = min(distances) + PATCH_TOLERANCE * self.reach
+        near = [part.surface for part, away in zip(self.parts, distances, strict=True) if away <= seam]
+        there = max(near, key=lambda surface: float(_normal(surface, point) @ normal))
+        return there.shape_operator(point, normal)
 
 
 _KINDS = {
     Plane: compound.PLANE, Sphere: compound.ELLIPSOID, Ellipsoid: compound.ELLIPSOID,
     Cylinder: compound.CYLINDER, Cone: compound.CONE,
 }  # fmt: skip
+
+
+def _normal(surface: Simple, point: np.ndarray) -> np.ndarray:
+    """Outward unit normal of a surface at one of its points, shapes (3,)."""
+    if isinstance(surface, Placed):
+        local = surface.rotation.T @ (point - surface.origin)
+        return np.asarray(surface.rotation @ _normal(surface.surface, local))  # type: ignore[arg-type]
+    if isinstance(surface, Plane):
+        return np.array(surface.arguments()[0])
+    if isinstance(surface, Sphere | Ellipsoid):
+        found = point / np.square(surface.line_problem()[1])
+    else:
+        rise = surface.taper * np.hypot(point[0], point[1]) if isinstance(surface, Cone) else 0.0
+        found = np.array((point[0], point[1], rise))
+    length = float(np.linalg.norm(found))
+    return np.asarray(found / length if length > 0.0 else found)
 
 
 def _packed(surface: Simple) -> tuple[int, np.ndarray, np.ndarray, np.ndarray]:

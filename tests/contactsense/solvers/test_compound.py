@@ -1,5 +1,7 @@
 """Bodies put together from parts: one answer everywhere, and honest ones at edges."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -17,6 +19,7 @@ from contactsense.solvers import (
     Plane,
     Sphere,
     Status,
+    Surface,
     sensitivity,
     solve,
     solve_batch,
@@ -172,6 +175,27 @@ def test_a_placed_compound_is_solved_in_its_pose() -> None:
     ordinary = here.ok & (here.condition < 1e3)
     assert ordinary.sum() > 20
     np.testing.assert_allclose(there.centroid[ordinary], here.centroid[ordinary], atol=1e-11)
+
+
+@pytest.mark.parametrize(
+    "place", [lambda body: body, lambda body: Placed(body, np.ones(3), np.eye(3)[[1, 2, 0]])]
+)
+def test_the_curvature_at_a_rim_is_that_of_the_touched_face(place: Callable[[Compound], Surface]) -> None:
+    """There several parts are equally near."""
+    for rim in (0.05, 0.05 - 1e-12, 0.05 + 1e-12):
+        for normal, bend in ((UP, 0.0), ((0.6, 0.8, 0.0), 20.0)):
+            body, point = place(DRUM), np.array((0.6 * rim, 0.8 * rim, 0.08))
+            turn = body.rotation if isinstance(body, Placed) else np.eye(3)
+            origin = body.origin if isinstance(body, Placed) else np.zeros(3)
+            found = body.shape_operator(origin + turn @ point, turn @ np.array(normal))
+            np.testing.assert_allclose(np.linalg.norm(found), bend, rtol=1e-6)
+
+
+def test_derivatives_at_a_rim_are_those_of_the_touched_face() -> None:
+    point, force = np.array((0.05, 0.0, 0.08)), np.array((0.0, 0.1, -3.0))
+    found = solve(DRUM, force, np.cross(point, force))
+    assert found.ok
+    np.testing.assert_allclose(np.linalg.norm(sensitivity(DRUM, found).by_moment, 2), 1.0 / 3.0)
 
 
 def test_a_part_that_is_placed_twice_is_solved_in_both_poses() -> None:
