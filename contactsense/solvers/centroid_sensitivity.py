@@ -7,6 +7,7 @@ from scipy.special import ndtr
 
 from contactsense.robots.rotations import cross_matrix
 from contactsense.robots.vectors import tangents
+from contactsense.sensors.validation import as_floats
 from contactsense.solvers.bodies.surface import Surface
 from contactsense.solvers.solve_wrench import Solution, solve_wrench
 
@@ -34,7 +35,13 @@ class Sensitivity:
 
         It is the mean square about the centroid: with the probability that noise turns the sign of f.m, the
         error is the distance to the twin.
+
+        Raises:
+            ValueError: The covariance has another shape, or is not finite.
         """
+        wrench = as_floats("wrench", wrench)
+        if wrench.shape != (6, 6) or not np.isfinite(wrench).all():
+            raise ValueError(f"wrench: expected a finite covariance of shape (6, 6), not {wrench!r:.60}")
         shift = self.tangents @ np.hstack((self.by_force, self.by_moment))
         covariance = np.asarray(shift @ wrench @ shift.T)
         if self.twin is None:
@@ -58,7 +65,13 @@ def sensitivity(surface: Surface, solution: Solution) -> Sensitivity:
 
     Raises:
         ValueError: The solution is not a contact, so it has no derivatives.
+        TypeError: `solution` is none of an exact wrench. The most probable contact of a noisy one has a
+            covariance of its own.
     """
+    if not isinstance(solution, Solution):
+        raise TypeError(
+            f"solution: expected one of `solve` without a covariance, got {type(solution).__name__}"
+        )
     if not solution.ok:
         raise ValueError(f"no derivatives of a solution that is {solution.status.name}")
     c, n, f, m, xi = solution.centroid, solution.normal, solution.force, solution.moment, solution.torsion

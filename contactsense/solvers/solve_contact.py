@@ -52,6 +52,7 @@ def solve(
         ValueError: The method is unknown, or cannot solve this surface or with a covariance; a shape is
             wrong; the covariance is not symmetric and positive definite; a prior comes without a
             covariance.
+        TypeError: `surface` or `prior` is none.
     """
     if covariance is None:
         if prior is not None:

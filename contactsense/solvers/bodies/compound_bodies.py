@@ -40,11 +40,15 @@ class Compound(KernelSurface):
 
         Raises:
             ValueError: There is no part, a surface has no closed form, or `reach` is not positive.
+            TypeError: What is given is no part.
         """
         positive(self, reach=reach)
-        if not parts:
-            raise ValueError("Compound: parts must not be empty")
         self.parts = tuple(parts)
+        if not self.parts:
+            raise ValueError("Compound: parts must not be empty")
+        for part in self.parts:
+            if not isinstance(part, Part):
+                raise TypeError(f"Compound: expected parts such as Part(Sphere(0.01), ()), got {part!r:.60}")
         self.reach = float(reach)
         surfaces: list[Simple] = [part.surface for part in self.parts]
         border = np.full((len(self.parts), max(1, *(len(part.behind) for part in self.parts))), -1)

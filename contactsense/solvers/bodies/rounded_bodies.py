@@ -145,8 +145,13 @@ class Polytope(KernelSurface):
         """Compute the hull.
 
         Args:
-            points: Points whose convex hull is used [m], shape (N, 3).
+            points: Points whose convex hull is used [m], shape (N, 3), not all in one plane.
             rounding: Radius of the ball [m]; zero for a sharp polytope.
+
+        Raises:
+            ValueError: The points have another shape, are not finite, or span no volume; or `rounding` is
+                negative.
+            TypeError: `rounding` is no number.
         """
         not_negative(self, rounding=rounding)
         self.hull: Hull = hull_of(points)

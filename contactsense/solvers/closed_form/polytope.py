@@ -9,10 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial import ConvexHull
+from scipy.spatial import ConvexHull, QhullError
 
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.vectors import Vector, add, add_scaled, cross, divide, dot, norm, scale, vector
+from contactsense.sensors.validation import as_floats
 from contactsense.solvers.closed_form.ellipsoid import unit_sphere
 from contactsense.solvers.closed_form.patch import Patch, nearer, no_patch, on_patch
 from contactsense.solvers.closed_form.wrench_axis import line_answer
@@ -70,17 +71,21 @@ def hull_of(points: ArrayLike) -> Hull:
     """The convex hull of points [m], shape (N, 3), not all in one plane, as the kernel takes it.
 
     Raises:
-        ValueError: The points have another shape, or are not finite.
-        scipy.spatial.QhullError: The points span no volume.
+        ValueError: The points have another shape, are not finite, or span no volume.
     """
-    cloud = np.asarray(points, dtype=float)
+    cloud = np.array(as_floats("Polytope: points", points))
     if cloud.ndim != 2 or cloud.shape[1] != 3 or not np.all(np.isfinite(cloud)):
         raise ValueError(f"Polytope: points must be finite and of shape (N, 3), not {cloud.shape}")
     k = int(np.frexp(np.ptp(cloud, axis=0).max())[1]) if len(cloud) else 0
     cloud = np.ldexp(cloud, -k)
     middle = 0.5 * (cloud.min(axis=0) + cloud.max(axis=0))
     cloud -= middle
-    found = ConvexHull(cloud)
+    try:
+        found = ConvexHull(cloud)
+    except QhullError:
+        raise ValueError(
+            f"Polytope: points must span a volume, not {len(cloud)} in one plane or on one line"
+        ) from None
     size = float(np.abs(cloud).max())
     faces: list[tuple[np.ndarray, set[int]]] = []
     for equation, corners in zip(found.equations, found.simplices, strict=True):

@@ -3,6 +3,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from numbers import Real
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -50,6 +51,8 @@ class ContactPrior:
     def __post_init__(self) -> None:
         for name in ("friction", "torsion", "force", "surface_error"):
             value = getattr(self, name)
+            if not isinstance(value, Real):
+                raise TypeError(f"{name}: must be a number, not {value!r:.60}")
             least = "not be negative" if name == "surface_error" else "be positive"
             if not math.isfinite(value) or value < 0.0 or (value == 0.0 and name != "surface_error"):
                 raise ValueError(f"{name}: must {least} and finite, not {value}")
@@ -111,10 +114,13 @@ def most_probable_contact(
 
     Raises:
         ValueError: A shape is wrong, or the covariance is not symmetric and positive definite.
+        TypeError: `surface` or `prior` is none.
     """
     f, m = vectors("force", force, 1), vectors("moment", moment, 1)
     P = _checked_covariance(covariance)
-    given = prior or ContactPrior()
+    given = ContactPrior() if prior is None else prior
+    if not isinstance(given, ContactPrior):
+        raise TypeError(f"prior: expected a ContactPrior, got {given!r:.60}")
     if isinstance(surface, Placed):
         R, p = surface.rotation, surface.origin
         adjoint = np.zeros((6, 6))

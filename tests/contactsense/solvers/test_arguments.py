@@ -3,7 +3,19 @@
 import numpy as np
 import pytest
 
-from contactsense.solvers import Ellipsoid, Placed, Plane, Polytope, Sphere, Status, solve, solve_batch
+from contactsense.solvers import (
+    Compound,
+    ContactPrior,
+    Ellipsoid,
+    Placed,
+    Plane,
+    Polytope,
+    Sphere,
+    Status,
+    sensitivity,
+    solve,
+    solve_batch,
+)
 from contactsense.solvers.solver_batch import compiled_rows
 
 BALL = Sphere(0.1)
@@ -33,6 +45,32 @@ def test_rows_must_match() -> None:
         solve_batch(BALL, np.ones((4, 3)), np.ones((1, 3)))
     with pytest.raises(ValueError, match=r"moment: expected shape \(3,\)"):
         solve(BALL, np.ones(3), np.ones((1, 3)))
+
+
+def test_what_is_no_prior_is_named() -> None:
+    with pytest.raises(TypeError, match=r"^prior: expected a ContactPrior, got 0\.5"):
+        solve(BALL, -np.ones(3), np.zeros(3), covariance=np.eye(6), prior=0.5)  # type: ignore[call-overload]
+    with pytest.raises(TypeError, match=r"^friction: must be a number, not 'a'"):
+        ContactPrior(friction="a")  # type: ignore[arg-type]
+
+
+def test_what_has_no_sensitivity_is_named() -> None:
+    wrench = (-np.ones(3), np.zeros(3))
+    exact, probable = solve(BALL, *wrench), solve(BALL, *wrench, covariance=np.eye(6))
+    with pytest.raises(
+        TypeError, match=r"^solution: expected one of `solve` without a covariance, got Probable"
+    ):
+        sensitivity(BALL, probable)  # type: ignore[arg-type]
+    for covariance in (np.eye(3), np.ones(6), np.diag([np.nan] * 6)):
+        with pytest.raises(ValueError, match=r"^wrench: expected a finite covariance of shape \(6, 6\)"):
+            sensitivity(BALL, exact).covariance(covariance)
+
+
+def test_what_is_no_part_is_named() -> None:
+    with pytest.raises(
+        TypeError, match=r"^Compound: expected parts such as Part\(.*, got Sphere\(radius=0.1"
+    ):
+        Compound([BALL], 1.0)  # type: ignore[list-item]
 
 
 def test_a_masked_wrench_is_none() -> None:
@@ -118,3 +156,15 @@ def test_planes_and_points_are_checked() -> None:
         Plane((0.0, 0.0, 1.0), np.nan)
     with pytest.raises(ValueError, match="Polytope: points"):
         Polytope(np.zeros((4, 2)), 0.1)
+    with pytest.raises(ValueError, match=r"^Polytope: points: expected numbers"):
+        Polytope([["a", 0.0, 0.0]], 0.1)
+    with pytest.raises(ValueError, match=r"^Polytope: points must be finite"):
+        Polytope(np.ma.masked_array(np.eye(4, 3), np.eye(4, 3) > 0.0), 0.1)
+
+
+@pytest.mark.parametrize(
+    "points", [np.zeros((1, 3)), np.eye(3), np.zeros((9, 3)), np.eye(3)[[0, 0, 1, 2, 2]]]
+)
+def test_points_without_a_volume_are_named(points: np.ndarray) -> None:
+    with pytest.raises(ValueError, match=r"^Polytope: points must span a volume, not "):
+        Polytope(points, 0.1)
