@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+import pyarrow as pa
+
 from contactsense.scene import Scene
 from contactsense.scene_model.link_sensors import mounts
 from contactsense.service.analysis.contact_summary import ContactSummary
@@ -10,6 +12,10 @@ TOLD = 0.1
 """Share of a contact from which on a silent sensor is told: single readings are often lost."""
 NAMED = 5
 """Contacts that are named."""
+_LEFT = (
+    "forces and impulse are those of the other samples, or of the other sensors alone, and may be far from "
+    "the true ones."
+)
 
 
 def doubted_forces(scene: Scene, contacts: Sequence[ContactSummary]) -> str:
@@ -30,10 +36,18 @@ def _silent_sensors(contacts: Sequence[ContactSummary]) -> str:
     if len(found) > NAMED:
         named.append(f"{len(found) - NAMED} more (see `silent` in the table)")
     listed = named[0] if len(named) == 1 else f"{', '.join(named[:-1])} and {named[-1]}"
+    return f"A sensor was silent or settled during contact{'s' if len(found) > 1 else ''} {listed}: {_LEFT}"
+
+
+def silent_sensors(contacts: pa.Table) -> str:
+    """The same of a table of many contacts, as `contact_table` makes it; empty if no sensor was silent."""
+    duration = contacts["duration"].to_numpy()
+    count = int((contacts["silent"].to_numpy() > TOLD * duration).sum())
+    if not count:
+        return ""
     return (
-        f"A sensor was silent or settled during contact{'s' if len(found) > 1 else ''} {listed}: forces and "
-        "impulse are those of the other samples, or of the other sensors alone, and may be far from the true "
-        "ones."
+        f"A sensor was silent or settled during {count} contact{'s' if count > 1 else ''} (see `silent` in "
+        f"the table): {_LEFT}"
     )
 
 

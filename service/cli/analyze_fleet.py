@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from contactsense.scene import SceneError
-from contactsense.service.analysis.fleet.report import write_fleet_report
+from contactsense.service.analysis.fleet.report import fleet_undetermined_forces, write_fleet_report
 from contactsense.service.analysis.fleet.run import analyze_fleet
 from contactsense.service.analysis.fleet.summary import FleetSummary, robot_rows
 from contactsense.service.analysis.fleet.worker_pool import WorkerPoolError
@@ -62,6 +62,7 @@ def _as_plain(summary: FleetSummary) -> dict[str, object]:
         "robots": robot_rows(summary),
         "contacts": summary.contacts.num_rows,
         "expected_false_alarms": summary.expected_false_alarms,
+        "undetermined_forces": [f"{who}: {text}" for who, text in fleet_undetermined_forces(summary)],
         "problems": list(summary.problems),
         "unjudged": list(summary.unjudged),
     }

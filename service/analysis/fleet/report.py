@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow.compute as pc
 
 from contactsense.robots.whole_file import write_text
 from contactsense.scene import Scene
@@ -15,8 +16,9 @@ from contactsense.service.analysis.fleet.drawn_arms import drawn_arms, members
 from contactsense.service.analysis.fleet.segments import UNKNOWN
 from contactsense.service.analysis.fleet.summary import FleetSummary, RobotSummary, robot_rows
 from contactsense.service.analysis.health import UNJUDGED
+from contactsense.service.analysis.present_sensors import without_sensors
 from contactsense.service.analysis.report import render
-from contactsense.service.analysis.undetermined_forces import undetermined_forces
+from contactsense.service.analysis.undetermined_forces import silent_sensors, undetermined_forces
 from contactsense.service.drawing.arm_scene import view_script
 from contactsense.service.drawing.drift_svg import drift_chart
 from contactsense.service.drawing.palette import link_colour
@@ -77,7 +79,7 @@ def _content(summary: FleetSummary) -> dict[str, Any]:
         "more_problems": max(len(problems) - MOST_PROBLEMS, 0),
         "arms": [(arm.name, members(arm.robots)) for arm in arms],
         "assumptions": _assumed(summary),
-        "undetermined": _undetermined(summary),
+        "undetermined": fleet_undetermined_forces(summary),
         "script": view_script(),
         "data": json.dumps(
             [{"geometry": arm.geometry, "view": arm.view(summary.contacts)} for arm in arms],
@@ -90,12 +92,20 @@ def _joint_names(scene: Scene) -> list[str]:
     return [joint.name.removesuffix("_joint") for joint in scene.robot.joints]
 
 
-def _undetermined(summary: FleetSummary) -> list[tuple[str, str]]:
+def fleet_undetermined_forces(summary: FleetSummary) -> list[tuple[str, str]]:
     """Robots with forces that their sensors do not determine, and what their forces mean."""
-    found: dict[str, list[RobotSummary]] = {}
+    found: dict[tuple[str, str], list[RobotSummary]] = {}
     for robot in summary.robots:
-        found.setdefault(undetermined_forces(robot.scene), []).append(robot)
-    return [(members(robots), text) for text, robots in found.items() if text]
+        whole = undetermined_forces(robot.scene)
+        texts = [("", whole)]
+        for absent in sorted(robot.absent, key=sorted):
+            # Said of the whole robot already where the scene does not determine them either.
+            text = undetermined_forces(without_sensors(robot.scene, absent))
+            texts += [(f", recordings without {' and '.join(sorted(absent))}", text)] if text != whole else []
+        texts.append(("", silent_sensors(summary.contacts.filter(pc.field("robot") == robot.robot))))
+        for key in texts:
+            found.setdefault(key, []).append(robot)
+    return [(members(robots) + part, text) for (part, text), robots in found.items() if text]
 
 
 def _assumed(summary: FleetSummary) -> list[str]:

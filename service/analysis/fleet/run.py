@@ -14,7 +14,7 @@ from contactsense.service.analysis.fleet.segments import SEGMENT_TIME, DatasetFi
 from contactsense.service.analysis.fleet.summary import FleetSummary, settings_of, summarize, write_summary
 from contactsense.service.analysis.fleet.worker_pool import run_tasks
 
-VERSION = 9
+VERSION = 10
 """Version of the results of a segment; results of another version are not used."""
 
 

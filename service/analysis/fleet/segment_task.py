@@ -66,7 +66,7 @@ def run_segment(task: SegmentTask) -> dict[str, Any]:
         absent = absent_sensors(file, run.scene)
         if absent:
             run = _run(task.scene, task.parts, absent)
-        result, table = _analyze(file, segment, run)
+        result, table = _analyze(file, segment, run, absent)
     except RecordingError as error:
         reason = named_within(str(error), segment.file.path, segment.file.name)
         result, table = {"problem": reason}, contact_table([])
@@ -105,8 +105,11 @@ def _begin(file: RecordingFile, segment: Segment, run: AnalysisRun) -> tuple[int
     return begin, True
 
 
-def _analyze(file: RecordingFile, segment: Segment, run: AnalysisRun) -> tuple[dict[str, Any], pa.Table]:
-    """Statistics and contacts of the rows that are the segment's own."""
+def _analyze(
+    file: RecordingFile, segment: Segment, run: AnalysisRun, absent: frozenset[str]
+) -> tuple[dict[str, Any], pa.Table]:
+    """Statistics and contacts of the rows that are the segment's own; `absent`: fields of the sensors that
+    the recording lacks."""
     begin, is_known = _begin(file, segment, run)
     part = FollowedRows(file, begin, segment.first, segment.last)
     statistics = ResidualStatistics(len(run.scene.robot.joints))
@@ -125,6 +128,7 @@ def _analyze(file: RecordingFile, segment: Segment, run: AnalysisRun) -> tuple[d
     result = {
         "seconds": _without_gaps(np.maximum(np.diff(t), 0.0)) if contacts or found.usable else 0.0,
         "samples": len(t),
+        "absent": sorted(absent),
         "problems": own_problems(run.extent.problems, segment.first, segment.last),
         "complaints": complaints,
         "free": found.free,

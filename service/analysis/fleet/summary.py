@@ -41,6 +41,8 @@ class RobotSummary:
     """All samples."""
     degraded: int = 0
     """Samples in which a sensor was missing, invalid or inconsistent, or the observers were settling."""
+    absent: set[frozenset[str]] = field(default_factory=set)
+    """Fields of the scene's sensors that recordings lack, for each recording; empty: none."""
     dates: list[str] = field(default_factory=list)
     """Date of each segment."""
     free: list[int] = field(default_factory=list)
@@ -183,6 +185,7 @@ def summarize(
         robot.day_contacts[day] = robot.day_contacts.get(day, 0) + len(kept)
         for key in ("touched", "samples", "degraded"):
             setattr(robot, key, getattr(robot, key) + result[key])
+        robot.absent.add(frozenset(result["absent"]))
         robot.dates.append(day)
         robot.free.append(result["free"])
         for key in ("base_bias", "joint_bias"):

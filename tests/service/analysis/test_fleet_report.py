@@ -6,6 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pa_parquet
+import pytest
+from click.testing import CliRunner
 
 from contactsense import Scene
 from contactsense.robots.primitives import Box
@@ -13,7 +17,9 @@ from contactsense.robots.surroundings import Body
 from contactsense.service.analysis.fleet.drawn_arms import drawn_arms
 from contactsense.service.analysis.fleet.report import write_fleet_report
 from contactsense.service.analysis.fleet.summary import FleetSummary, RobotSummary, summarize
+from contactsense.service.cli.analyze import analyze
 from contactsense.service.scene.summary import link_places
+from tests.service.analysis.recordings import demo, write_motion
 
 POST = Box(center=(0.0, 0.0, -0.4), half=(0.1, 0.1, 0.4), rounding=0.01)
 PEDESTAL = Body(name="post", role="pedestal", primitives=(POST,))
@@ -49,6 +55,46 @@ def test_an_assumption_that_not_all_robots_share_names_those_that_do(tmp_path: P
         assert "arm02: Contacts push on the surface; friction coefficient 0.8" in text
         assert "arm01, arm03, arm04, arm05: Contacts push on the surface; friction coefficient 0.5" in text
         assert "arm03: Robot ur5e, mounting ceiling" in text
+
+
+@pytest.mark.slow
+def test_forces_that_sensors_did_not_determine_are_told(tmp_path: Path) -> None:
+    """Robot a measures everything, the base sensor of b is silent for a while, and c has recordings without
+    it."""
+    for name in "abc":
+        (tmp_path / f"robot={name}").mkdir()
+        path = write_motion(demo(), tmp_path / f"robot={name}" / "one.parquet", last=4500)
+        table = pa_parquet.read_table(path)
+        for column in [f"base_wrench_{i}" for i in range(6)]:
+            at = table.schema.get_field_index(column)
+            values = np.where(table["timestamp"].to_numpy() < 6.0, np.nan, table[column].to_numpy())
+            if name == "b":
+                table = table.set_column(at, column, pa.array(values))
+            if name == "c":
+                table = table.drop_columns(column)
+        pa_parquet.write_table(table, path)
+    (tmp_path / "scene.yaml").write_text("robot: ur5e\n")
+    arguments = [str(tmp_path), "--scene", str(tmp_path / "scene.yaml"), "--out", str(tmp_path / "out")]
+    said = json.loads(CliRunner().invoke(analyze, [*arguments, "--json"]).stdout)["undetermined_forces"]
+    assert len(said) == 2
+    assert said[0].startswith(
+        "b: A sensor was silent or settled during 2 contacts (see `silent` in the table):"
+    )
+    assert said[1].startswith("c, recordings without base_wrench: No force/torque sensor measures pushes,")
+    markdown = (tmp_path / "out" / "fleet.md").read_text()
+    page = (tmp_path / "out" / "fleet.html").read_text()
+    for text in said:
+        assert f"**{text}**" in markdown
+        assert text.replace("`silent`", "<code>silent</code>") in page
+
+
+def test_each_heading_of_the_text_stands_alone(tmp_path: Path) -> None:
+    write_fleet_report(fleet(SCENES), tmp_path)
+    lines = (tmp_path / "fleet.md").read_text().splitlines()
+    for i, line in enumerate(lines):
+        if line.startswith("#"):
+            assert i == 0 or lines[i - 1] == ""
+            assert lines[i + 1] == ""
 
 
 def test_an_arm_without_contacts_is_drawn_bent(tmp_path: Path) -> None:
