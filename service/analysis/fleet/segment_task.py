@@ -57,26 +57,23 @@ def run_segment(task: SegmentTask) -> dict[str, Any]:
 
     A recording that cannot be read also gives a result: `problem` says why.
     """
-    path = part_path(task)
+    path, segment = part_path(task), task.segment
+    own = segment.file
+    # Not those of earlier results: the folders above may have named another robot or date then.
+    names = {"name": own.name, "robot": own.robot, "date": own.date}
     if path.exists():
-        return dict(json.loads(path.read_text(encoding="utf-8")))
-    segment, run = task.segment, _run(task.scene, task.parts)
+        return {**json.loads(path.read_text(encoding="utf-8")), **names}
+    run = _run(task.scene, task.parts)
     try:
-        file = RecordingFile(segment.file.path, run.scene)
+        file = RecordingFile(own.path, run.scene)
         absent = absent_sensors(file, run.scene)
         if absent:
             run = _run(task.scene, task.parts, absent)
         result, table = _analyze(file, segment, run, absent)
     except RecordingError as error:
-        reason = named_within(str(error), segment.file.path, segment.file.name)
+        reason = named_within(str(error), own.path, own.name)
         result, table = {"problem": reason}, contact_table([])
-    result |= {
-        "name": segment.file.name,
-        "robot": segment.file.robot,
-        "date": segment.file.date,
-        "index": segment.index,
-        "segments": segment.count,
-    }
+    result |= {**names, "index": segment.index, "segments": segment.count}
     path.parent.mkdir(parents=True, exist_ok=True)
     # The JSON file is written last: if it exists, the table is complete.
     write_parquet(table, path.with_suffix(".parquet"))

@@ -45,9 +45,10 @@ class DatasetFile:
     name: str
     """Its path within the dataset."""
     robot: str
-    """Name of the robot, from a folder `robot=NAME`; `UNKNOWN` without one."""
+    """Name of the robot, from a folder `robot=NAME` above it; `UNKNOWN` without one."""
     date: str
-    """Date, from a folder `date=YYYY-MM-DD`, or else from the recording itself; `UNKNOWN` without either."""
+    """Date, from a folder `date=YYYY-MM-DD` above it, or else from the recording itself; `UNKNOWN` without
+    either."""
 
     @property
     def key(self) -> str:
@@ -170,7 +171,9 @@ def _rows_and_rate(path: Path) -> tuple[int, float]:
 
 
 def _file(path: Path, name: Path) -> DatasetFile:
-    keys = dict(part.split("=", 1) for part in name.parts[:-1] if "=" in part)
+    # The folder that names the robot may be the one that was given, as of `analyze robot=*`.
+    folders = Path(os.path.abspath(path)).parts[:-1]
+    keys = dict(part.split("=", 1) for part in folders if "=" in part)
     robot, date = keys.get("robot") or UNKNOWN, keys.get("date") or _own_date(path) or UNKNOWN
     return DatasetFile(path.resolve(), name.as_posix(), robot, date)
 

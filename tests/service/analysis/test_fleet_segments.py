@@ -28,6 +28,33 @@ def test_recordings_and_their_place_in_the_dataset(tmp_path: Path) -> None:
         find_recordings((_empty(tmp_path),))
 
 
+def test_the_folder_that_is_given_may_be_that_of_a_robot_or_day(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As `robot=*` of a shell; other folders are not its, as where the working folder is another robot's."""
+    data = dataset(tmp_path / "data")
+    given = [(data / "robot=a", data / "robot=b"), (data / "robot=a" / "date=2026-01-02",)]
+    found = [[(file.robot, file.date) for file in find_recordings(folders)] for folders in given]
+    first, second = "2026-01-01", "2026-01-02"
+    assert found == [[("a", first), ("a", second), ("b", first), ("b", first)], [("a", second)]]
+    monkeypatch.chdir(data / "robot=a")
+    (data.parent / "others").mkdir()
+    (data.parent / "others" / "one.parquet").write_bytes(b"broken")
+    assert [file.robot for file in find_recordings((Path("../../others"),))] == ["unknown"]
+
+
+def test_results_belong_to_the_robot_that_the_folders_name_now(tmp_path: Path) -> None:
+    path = tmp_path / "robot=a" / "runs" / "one.parquet"
+    path.parent.mkdir(parents=True)
+    write_motion(demo(), path, last=2300)
+    (tmp_path / "scene.yaml").write_text("robot: ur5e\n")
+    for name in ("a", "b"):
+        folder = (tmp_path / "robot=a").rename(tmp_path / f"robot={name}") / "runs"
+        summary = analyze_fleet((folder,), tmp_path / "scene.yaml", tmp_path / "out")
+        assert [robot.robot for robot in summary.robots] == [name]
+        assert set(summary.contacts["robot"].to_pylist()) == {name}
+
+
 def test_a_recording_has_its_own_date_where_no_folder_names_one(tmp_path: Path) -> None:
     """That of UTC, as the names of its files; a conversion only has the time of the conversion."""
     created = {"contactsense.created": "2026-03-01T23:30:00-02:00"}
