@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Annotated, Any, Self
 
 from pydantic import (
+    AfterValidator,
     Field,
     NonNegativeFloat,
     NonNegativeInt,
@@ -16,7 +17,7 @@ from contactsense.robots.field_errors import describe
 from contactsense.robots.file_model import FileModel
 from contactsense.robots.yaml_fields import fields_in, read_fields
 from contactsense.service.mock.obstacles import Obstacle
-from contactsense.service.mock.urscript_functions import WatchdogAction
+from contactsense.service.mock.urscript_functions import WatchdogAction, input_field
 
 Vector = tuple[float, float, float]
 Posture = Annotated[tuple[float, ...], Field(min_length=1)]
@@ -117,7 +118,7 @@ class Contact(FileModel):
 class Watchdog(FileModel):
     """Parameters of `rtde_set_watchdog` of URScript."""
 
-    variable: str
+    variable: Annotated[str, AfterValidator(input_field)]
     """RTDE input that must be written."""
     min_frequency: PositiveFloat = 10.0
     """Lowest frequency of the writes [Hz]."""

@@ -6,11 +6,14 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Any, Literal, get_args
 
+from contactsense.service.wire.rtde_fields import INPUTS
+
 WatchdogAction = Literal["pause", "stop", "ignore"]
 """What the controller does with a program whose watchdog is not fed."""
 
 _JOINTS = 6
-_REGISTERS = 48
+REGISTERS = 48
+"""Number of integer and of double registers in each direction."""
 _BOOLEAN_REGISTERS = 128
 _MOST_INTEGER = 2**31
 
@@ -63,6 +66,14 @@ def _text(value: Any) -> str:
 
 def _anything(value: Any) -> Any:
     return _text(value) if isinstance(value, str) else value
+
+
+def input_field(value: Any) -> str:
+    """Return the name of an RTDE input: nobody can write another one, so that its watchdog would always
+    act."""
+    if not isinstance(value, str) or value not in INPUTS:
+        raise _unexpected("an RTDE input such as 'input_int_register_47'", value)
+    return str(value)
 
 
 def _watchdog_action(value: Any) -> str:
@@ -122,14 +133,14 @@ _FUNCTIONS: Mapping[str, tuple[_Parameter, ...]] = {
     "protective_stop": (),
     "halt": (),
     "rtde_set_watchdog": (
-        _Parameter("variable_name", _text),
+        _Parameter("variable_name", input_field),
         _Parameter("min_frequency", positive),
         _optional("action", _watchdog_action),
     ),
     "write_output_integer_register": _write(
-        lambda value: _integer(value, -_MOST_INTEGER, _MOST_INTEGER), _REGISTERS
+        lambda value: _integer(value, -_MOST_INTEGER, _MOST_INTEGER), REGISTERS
     ),
-    "write_output_float_register": _write(number, _REGISTERS),
+    "write_output_float_register": _write(number, REGISTERS),
     "write_output_boolean_register": _write(_boolean, _BOOLEAN_REGISTERS),
 }
 FUNCTIONS = frozenset(_FUNCTIONS)

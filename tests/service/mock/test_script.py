@@ -42,6 +42,14 @@ def test_a_good_script() -> None:
             "start: 4.5, duration: 1.0",
             ["contacts[0]", "within the 5 s", "got 5.5 s"],
         ),
+        (
+            "robot: ur5e",
+            "robot: ur5e\nwatchdog: {variable: input_int_registr_47}",
+            [
+                "watchdog.variable: expected an RTDE input such as 'input_int_register_47'",
+                "input_int_registr_47",
+            ],
+        ),
         ("duration: 1.0}", "duration: 1.0, ramp: 0.6}", ["ramp: expected at most half", "got 0.6 s"]),
     ],
 )

@@ -71,8 +71,20 @@ def test_the_script_of_ur_rtde_names_its_registers(offset):
         (f"sleep({10**400})", "sleep: t: expected a number, got 10"),
         ("sleep(-1)", "sleep: t: expected a number of at least 0, got -1"),
         ("popup('look', blocking=1)", "popup: blocking: expected True or False, got 1"),
-        ("rtde_set_watchdog('x', 0)", "rtde_set_watchdog: min_frequency: expected a number above 0, got 0"),
-        ("rtde_set_watchdog('x', 1, 'go')", "action: expected one of pause, stop, ignore, got 'go'"),
+        (
+            "rtde_set_watchdog('beat', 10)",
+            "variable_name: expected an RTDE input such as 'input_int_register_47', got 'beat'",
+        ),
+        ("rtde_set_watchdog('output_int_register_1', 10)", "expected an RTDE input such as"),
+        ("rtde_set_watchdog(47, 10)", "expected an RTDE input such as 'input_int_register_47', got 47"),
+        (
+            "rtde_set_watchdog('speed_slider_mask', 0)",
+            "rtde_set_watchdog: min_frequency: expected a number above 0, got 0",
+        ),
+        (
+            "rtde_set_watchdog('input_int_register_1', 1, 'go')",
+            "action: expected one of pause, stop, ignore, got 'go'",
+        ),
         ("write_output_integer_register(1)", "write_output_integer_register: expected value, got nothing"),
         ("write_output_integer_register(48, 1)", "address: expected an integer from 0 to 47, got 48"),
         (
