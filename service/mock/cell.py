@@ -13,6 +13,7 @@ from contactsense.scene import JointTorqueSensor, Scene, WrenchSensor
 from contactsense.scene_model.wrench_map import WrenchMap
 from contactsense.sensors.settings import per_joint
 from contactsense.service.mock.script import Noise, Script, ScriptError
+from contactsense.service.mock.urscript_functions import REGISTERS
 from contactsense.service.sensors.robot_stream import SensorError
 from contactsense.service.sensors.signal_mapping import torque_constants
 
@@ -110,8 +111,8 @@ class Cell:
         noise.
 
         Raises:
-            ScriptError: The scene cannot be simulated: it has no base sensor, or motor currents without
-                torque constants.
+            ScriptError: The scene cannot be simulated: it has motor currents without torque constants, or
+                more sensors in the arm than registers for them.
         """
         joints = len(scene.robot.joints)
         base, wrist = scene.base_wrench or WrenchSensor(), scene.wrist_wrench
@@ -165,9 +166,23 @@ def _friction_torques(
         found[j] = friction_torque(drive, j, qd[j], gravity_torque[j])
 
 
-def link_wrench_fields(number: int) -> tuple[str, ...]:
-    """RTDE fields in which the mock sends the reading of sensor `number` of `Scene.link_wrenches`."""
-    return tuple(f"output_double_register_{i}" for i in range(6 * number, 6 * number + 6))
+def _link_wrench_fields(scene: Scene) -> list[tuple[str, ...]]:
+    """RTDE fields in which the mock sends the readings of `Scene.link_wrenches`: six registers each, in
+    order, without those in which it sends the joint torques.
+
+    Raises:
+        ScriptError: There are not enough registers.
+    """
+    torque = scene.joint_torque
+    taken = set((torque.fields if torque is not None else None) or ())
+    blocks = [tuple(f"output_double_register_{6 * b + i}" for i in range(6)) for b in range(REGISTERS // 6)]
+    free = [block for block in blocks if not taken.intersection(block)]
+    if len(free) < len(scene.link_wrenches):
+        raise ScriptError(
+            f"scene: link_wrenches: the mock sends each in six of the {REGISTERS} output_double_register, of "
+            f"which joint_torque.fields leave room for {len(free)}, got {len(scene.link_wrenches)}"
+        )
+    return free[: len(scene.link_wrenches)]
 
 
 def _link_sensors(scene: Scene) -> tuple[CellLinkSensor, ...]:
@@ -177,10 +192,10 @@ def _link_sensors(scene: Scene) -> tuple[CellLinkSensor, ...]:
             scene.robot.link_names.index(sensor.link),
             WrenchMap.of(sensor),
             np.repeat([sensor.force_noise, sensor.moment_noise], 3),
-            link_wrench_fields(number),
+            fields,
             sensor.delay,
         )
-        for number, sensor in enumerate(scene.link_wrenches)
+        for sensor, fields in zip(scene.link_wrenches, _link_wrench_fields(scene), strict=True)
     )
 
 

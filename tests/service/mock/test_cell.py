@@ -120,6 +120,22 @@ def test_readings_in_packets_are_late_by_the_delay_of_the_sensor():
     assert controller.moving_field("actual_q")(0.6) == robot.at(0.6).q.tolist()
 
 
+def test_sensors_between_links_and_torques_have_registers_of_their_own():
+    registers = [f"output_double_register_{i}" for i in range(48)]
+    elbow = LinkWrenchSensor(name="elbow", link="forearm")
+    torque = {"signal": "external_torque", "fields": registers[:6]}
+    robot = RobotController(Cell.of_scene(scene(link_wrenches=[elbow], joint_torque=torque)), SCRIPT)
+    (sensor,) = robot.cell.links
+    assert sensor.fields == tuple(registers[6:12])
+    controller = LiveController(robot)
+    read = [controller.moving_field(name)(0.6)[0] for name in registers[:12]]
+    assert read == [*robot.at(0.6).torque, *robot.at(0.6).links["elbow"]]
+    eight = [elbow.model_copy(update={"name": f"elbow{i}"}) for i in range(8)]
+    assert Cell.of_scene(scene(link_wrenches=eight)).links[-1].fields == tuple(registers[42:])
+    with pytest.raises(ScriptError, match=r"joint_torque.fields leave room for 7, got 8"):
+        Cell.of_scene(scene(link_wrenches=eight, joint_torque=torque))
+
+
 @pytest.mark.parametrize(
     "fields",
     [
