@@ -209,8 +209,8 @@ class JointTorqueSensor(Part):
     noise: Noise | tuple[Noise, ...] = 1.0
     """Standard deviation of one sample, one value for all joints or one per joint [Nm]."""
     model_error: Number = 0.0
-    """Standard deviation of the error of model and friction while the arm moves [Nm]. Unlike noise, it does
-    not average out."""
+    """Standard deviation of the error of model and friction, at rest as in motion [Nm]. Unlike noise, it
+    does not average out."""
     inertia_torque_error: Number = 0.0
     """Standard deviation of the inertia torque from the model, relative: an error of the torque in proportion
     to the rate of the joint's momentum, in addition to `model_error`. Without effect on signals that contain

@@ -114,7 +114,7 @@ def detectability(
     For one measurement of an arm at rest, as `Localizer.locate` takes it; errors and link probability are
     those of its answers to simulated readings. An average over N measurements has
     1 / sqrt(N) of the noise, and of the forces. The model, the bias and the surface are assumed to be right,
-    but for the errors that the scene states.
+    but for the errors of the joint torques that the scene states.
 
     Args:
         scene: Arm, tool, sensors and their noise, false alarms per hour.

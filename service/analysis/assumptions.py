@@ -1,7 +1,7 @@
 """The assumptions of an analysis, in words."""
 
 from contactsense.scene import Scene
-from contactsense.service.scene.summary import surface_in_words
+from contactsense.service.scene.summary import surface_in_words, torque_errors_in_words
 
 
 def assumptions(scene: Scene) -> list[str]:
@@ -24,7 +24,12 @@ def assumptions(scene: Scene) -> list[str]:
     if torque is None:
         found.append("Joint torques are not used.")
     else:
-        found.append(f"Joint torques: signal {torque.signal}, white noise of {_numbers(torque.noise)} Nm.")
+        noise, *errors = torque_errors_in_words(torque)
+        found.append(", ".join((f"Joint torques: signal {torque.signal}, white {noise}", *errors)) + ".")
+    found += [
+        f"{field}: white noise of {sensor.force_noise:g} N and {sensor.moment_noise:g} Nm per sample."
+        for field, sensor in scene.link_sensors.items()
+    ]
     most = "one contact" if scene.contacts == 1 else f"up to {scene.contacts} contacts"
     found += [
         f"Contacts push on the surface; friction coefficient {scene.friction:g}; forces of about "
@@ -48,9 +53,3 @@ def _link_prior(scene: Scene) -> str:
         return "Before any measurement, all links are equally probable."
     weights = ", ".join(f"{name} {weight:g}" for name, weight in scene.link_prior.items())
     return f"Before any measurement, links are probable in proportion to these weights: {weights}."
-
-
-def _numbers(value: object) -> str:
-    if isinstance(value, tuple):
-        return ", ".join(f"{x:g}" for x in value)
-    return f"{value:g}"

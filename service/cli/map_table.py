@@ -1,6 +1,6 @@
 """Tables of `contactsense map`, 80 columns wide."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from math import isfinite
 
 import click
@@ -8,7 +8,9 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from contactsense.residuals.joint_friction import joint_torque_model, unmodelled_torque_std
 from contactsense.scene import Scene
+from contactsense.sensors.settings import per_joint
 from contactsense.surface_map.detectability import Detectability, LinkDetectability
 
 WIDTH = 80
@@ -80,12 +82,17 @@ def _sensors(scene: Scene) -> str:
         if sensor is not None:
             parts.append(f"{name} {sensor.force_noise:g} N, {sensor.moment_noise:g} Nm")
     if scene.joint_torque is not None:
-        noise = scene.joint_torque.noise
-        levels = sorted(set(noise)) if isinstance(noise, tuple) else [noise]
-        parts.append(
-            "joint torques " + " to ".join(f"{x:g}" for x in dict.fromkeys((levels[0], levels[-1]))) + " Nm"
-        )
+        joints = len(scene.robot.joints)
+        model = joint_torque_model(scene.joint_torque, joints)
+        errors = [unmodelled_torque_std(model, j, 0.0) for j in range(joints)]
+        stated = f" with model errors of {_range(errors)}" if any(errors) else ""
+        parts.append(f"joint torques {_range(per_joint(scene.joint_torque.noise, joints))}{stated}")
     return "; ".join(parts)
+
+
+def _range(torques: Iterable[float]) -> str:
+    levels = sorted(torques)
+    return " to ".join(f"{x:.3g}" for x in dict.fromkeys((levels[0], levels[-1]))) + " Nm"
 
 
 def _force(value: float) -> str:

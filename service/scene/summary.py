@@ -22,7 +22,7 @@ from contactsense.scene_model.arm_weight import ArmWeight
 from contactsense.scene_model.link_prior import area_share, link_probability
 from contactsense.scene_model.scene_surfaces import scene_surfaces
 from contactsense.scene_model.wrench_map import WrenchMap
-from contactsense.sensors.settings import LinkWrenchSensor, Meaning, WrenchSensor
+from contactsense.sensors.settings import JointTorqueSensor, LinkWrenchSensor, Meaning, WrenchSensor
 from contactsense.service.scene.link_reading_at_rest import link_reading_at_rest
 from contactsense.service.scene.load_warnings import load_warnings, weightless_tool
 
@@ -253,11 +253,24 @@ def _torque(scene: Scene) -> str:
     sensor = scene.joint_torque
     if sensor is None:
         return "none"
-    noise = sensor.noise if isinstance(sensor.noise, tuple) else (sensor.noise,)
-    return (
-        f"{sensor.signal}, {_MEANINGS[sensor.contains]}; sign {sensor.sign}; "
-        f"noise {', '.join(f'{value:g}' for value in noise)} Nm"
+    return f"{sensor.signal}, {_MEANINGS[sensor.contains]}; sign {sensor.sign}; " + "; ".join(
+        torque_errors_in_words(sensor)
     )
+
+
+def torque_errors_in_words(sensor: JointTorqueSensor) -> list[str]:
+    """Noise of the joint torques, and the errors of their model that the scene states."""
+    stated = {
+        "noise": sensor.noise,
+        "model error": sensor.model_error,
+        "friction error at rest": sensor.friction.rest_error,
+    }
+    numbers = {name: value if isinstance(value, tuple) else (value,) for name, value in stated.items()}
+    return [
+        f"{name} {', '.join(f'{x:g}' for x in values)} Nm"
+        for name, values in numbers.items()
+        if name == "noise" or any(values)
+    ]
 
 
 def _touchable(scene: Scene) -> str:

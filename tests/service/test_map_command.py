@@ -42,6 +42,16 @@ def test_a_table_by_link(scenes: tuple[str, str]) -> None:
 
 
 @pytest.mark.slow
+def test_the_errors_of_the_torque_model_are_told_beside_the_noise(tmp_path: Path) -> None:
+    scene = tmp_path / "scene.yaml"
+    sensor = "{noise: [1, 1, 1, 1, 1, 0.5], model_error: [3, 3, 3, 3, 3, 1], friction: {rest_error: 4}}"
+    scene.write_text(f"robot: ur5e\nbase_wrench: null\njoint_torque: {sensor}\n")
+    result = call(str(scene), *POSTURE)
+    assert (
+        result.stdout.splitlines()[0] == "ur5e: joint torques 0.5 to 1 Nm with model errors of 4.12 to 5 Nm"
+    )
+
+
 def test_two_scenes_side_by_side(scenes: tuple[str, str]) -> None:
     result = call(scenes[0], "--compare", scenes[1], *POSTURE)
     assert result.exit_code == 0, result.output

@@ -13,6 +13,7 @@ from contactsense.robots.robot import NO_MASS
 from contactsense.robots.tool import Tool
 from contactsense.scene_model.arm_weight import ArmWeight
 from contactsense.sensors.settings import Friction, LinkInertia
+from contactsense.service.analysis.assumptions import assumptions
 from contactsense.service.drawing.palette import link_colour, rgb
 from contactsense.service.drawing.posture import usual_posture
 from contactsense.service.scene.picture import draw_scene
@@ -32,6 +33,23 @@ Q = usual_posture(robots.load("ur5e"))
 
 def _text(scene: Scene) -> str:
     return "\n".join(f"{line.subject} {line.text}" for line in summarize(scene, Q))
+
+
+def test_errors_of_the_torque_model_are_told_where_they_are_stated() -> None:
+    """They decide what is detected: without them, torques of 0.5 Nm appear to be good."""
+    sensor = JointTorqueSensor(noise=0.5, model_error=(7.0, 6.0, 5.0, 4.0, 3.0, 2.0))
+    scene = Scene(
+        robot="ur10e", joint_torque=sensor, wrist_wrench=WrenchSensor(force_noise=5.5), tool=Tool(mass=1.2)
+    )
+    assert "noise 0.5 Nm; model error 7, 6, 5, 4, 3, 2 Nm" in _text(scene)
+    found = assumptions(scene)
+    assert "Joint torques: signal actual_current_as_torque, white noise 0.5 Nm, model error " in " ".join(
+        found
+    )
+    assert "wrist_wrench: white noise of 5.5 N and 0.05 Nm per sample." in found
+    at_rest = Scene(robot="ur10e", joint_torque=JointTorqueSensor(friction=Friction(rest_error=2.5)))
+    assert "noise 1 Nm; friction error at rest 2.5 Nm" in _text(at_rest)
+    assert "error" not in " ".join(line.text for line in summarize(Scene(robot="ur10e"), Q)[:8])
 
 
 def test_rounding_errors_are_no_moment() -> None:
