@@ -4,13 +4,14 @@ import json
 import shutil
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pa_parquet
+from pydantic import BaseModel
 
 from contactsense.scene import Scene
 from contactsense.service.analysis.contact_table import SCHEMA
@@ -297,5 +298,19 @@ def day_rows(robot: RobotSummary) -> list[dict[str, Any]]:
 
 
 def settings_of(scene: Scene) -> str:
-    """The scene as text: what the results depend on in addition to the recordings."""
-    return json.dumps(scene.model_dump(mode="json"), sort_keys=True)
+    """The scene as text, with the arm and the sizes and times of meshes in files that it only names: what the
+    results depend on in addition to the recordings."""
+    meshes = [] if scene.meshes is None else sorted(Path(scene.meshes).glob("*"))
+    files = [(file.name, file.stat().st_size, file.stat().st_mtime_ns) for file in meshes]
+    described = {
+        "scene": scene.model_dump(mode="json"),
+        "arm": asdict(replace(scene.robot, file=None)),
+        "meshes": files,
+    }
+    return json.dumps(described, sort_keys=True, default=_as_plain)
+
+
+def _as_plain(value: object) -> object:
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    return value.model_dump(mode="json") if isinstance(value, BaseModel) else str(value)

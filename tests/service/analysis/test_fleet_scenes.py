@@ -13,6 +13,7 @@ from contactsense.service.analysis.fleet.report import write_fleet_report
 from contactsense.service.analysis.fleet.run import analyze_fleet
 from contactsense.service.analysis.fleet.scenes import robot_scenes
 from contactsense.service.analysis.fleet.segments import find_recordings
+from contactsense.service.analysis.fleet.summary import settings_of
 from contactsense.service.cli.analyze import analyze
 from tests.service.analysis.datasets import carrying, dataset
 from tests.service.analysis.recordings import demo, write_motion
@@ -35,6 +36,35 @@ def test_each_robot_may_have_its_own_scene(tmp_path: Path, scene: Path) -> None:
     found = robot_scenes(folder, files, tmp_path)
     assert found.paths == {"a": (folder / "a.yaml").resolve()}
     assert re.match(r"robot b: expected a scene file .*b.yaml", found.missing["b"])
+
+
+@pytest.mark.slow
+def test_results_of_an_arm_whose_own_files_have_changed_are_made_again(tmp_path: Path) -> None:
+    """The scene names the arm's file, which names that of the surface: its text does not change."""
+    library = Path(str(Scene(robot="ur5e").robot.file)).parent
+    arm, surface, scene = (tmp_path / name for name in ("my.yaml", "my.surface.yaml", "scene.yaml"))
+    arm.write_text((library / "ur5e.yaml").read_text().replace("name: ur5e", "name: my", 1))
+    surface.write_text((library / "ur5e.surface.yaml").read_text())
+    scene.write_text("robot: my.yaml\n")
+    path = write_motion(demo(), tmp_path / "one.parquet", last=500)
+
+    def parts() -> int:
+        analyze_fleet((path,), scene, tmp_path / "out")
+        return len(list((tmp_path / "out" / "parts").iterdir()))
+
+    assert [parts(), parts()] == [1, 1]
+    arm.write_text(re.sub("mass: [0-9.]+", "mass: 5.5", arm.read_text(), count=1))
+    assert parts() == 2
+    surface.write_text(re.sub("radius_a: [0-9.]+", "radius_a: 0.05", surface.read_text(), count=1))
+    assert parts() == 3
+
+
+def test_a_folder_of_meshes_belongs_to_the_settings(tmp_path: Path) -> None:
+    scene = Scene(robot="ur5e", meshes=tmp_path)
+    before = settings_of(scene)
+    assert settings_of(scene) == before
+    (tmp_path / "forearm.ply").write_text("ply")
+    assert settings_of(scene) != before
 
 
 def test_one_broken_file_or_one_robot_without_a_scene_does_not_end_the_analysis(tmp_path: Path) -> None:
