@@ -34,6 +34,11 @@ either."""
 SUFFIXES = (".parquet", ".csv", ".csv.gz", ".mcap", ".db3", ".arrows", ".arrow", ".feather")
 RESULTS = ("contacts", "parts", "robots.parquet", "days.parquet")
 """Tables in the folder of the results."""
+_RESULTS_BESIDE = {
+    "fleet.html": RESULTS,
+    "report.html": ("contacts.parquet", "contacts.csv", "contacts.mcap", "estimates.parquet"),
+}
+"""The same beside the report of any dataset, and of a single recording."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +94,8 @@ def find_recordings(paths: tuple[Path, ...], out: Path | None = None) -> list[Da
 
     Args:
         paths: Files and folders.
-        out: Folder of the results, which are no recordings, should it be in one of the folders.
+        out: Folder of the results, which are no recordings, should it be in one of the folders; nor are those
+            of other analyses, which their reports tell.
 
     Raises:
         FileNotFoundError: a path does not exist, or there is no recording; the message names it.
@@ -97,8 +103,7 @@ def find_recordings(paths: tuple[Path, ...], out: Path | None = None) -> list[Da
     found = []
     for path in paths:
         if path.is_dir():
-            inside = (p for p in _inside(path) if out is None or not _is_result(p, out))
-            found += [_file(p, p.relative_to(path)) for p in inside]
+            found += [_file(p, p.relative_to(path)) for p in _inside(path, out)]
         elif path.exists():
             found.append(_file(path, Path(path.name)))
         else:
@@ -114,17 +119,28 @@ def find_recordings(paths: tuple[Path, ...], out: Path | None = None) -> list[Da
     return [replace(file, name=file.path.relative_to(shared).as_posix()) for file in files]
 
 
-def _is_result(path: Path, out: Path) -> bool:
-    return any(path.resolve().is_relative_to((out / name).resolve()) for name in RESULTS)
+def _results(folder: Path, out: Path | None) -> set[Path]:
+    """Files and folders below a folder that analyses wrote, resolved."""
+    own = [] if out is None else [out / name for name in RESULTS]
+    others = (
+        page.parent / name
+        for report, names in _RESULTS_BESIDE.items()
+        for page in folder.rglob(report)
+        for name in names
+    )
+    return {path.resolve() for path in (*own, *others)}
 
 
-def _inside(folder: Path) -> list[Path]:
-    """Recordings below a folder; a rosbag2 folder is one, a table of raw force/torque readings is not, nor is
-    a clip of what was recorded anyway."""
+def _inside(folder: Path, out: Path | None) -> list[Path]:
+    """Recordings below a folder; a rosbag2 folder is one. A table of raw force/torque readings is not, nor
+    are a clip of what was recorded anyway and the results of an analysis."""
+    results = _results(folder, out)
     bags = {p.parent for name in ("metadata.yaml", "*.db3") for p in folder.rglob(name)} - {folder}
     files = (p for p in folder.rglob("*") if p.is_file() and p.name.lower().endswith(SUFFIXES))
     single = {p for p in files if not p.name.startswith((".", RAW_READINGS)) and p.parent not in bags}
-    return without_repeated_clips(sorted(single | bags))
+    return without_repeated_clips(
+        sorted(p for p in single | bags if results.isdisjoint((p.resolve(), *p.resolve().parents)))
+    )
 
 
 def segments(file: DatasetFile, length: float = SEGMENT_TIME) -> Iterator[Segment]:

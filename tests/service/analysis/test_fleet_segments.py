@@ -129,6 +129,21 @@ def test_the_results_of_an_earlier_run_are_no_recordings(tmp_path: Path, out: st
         (results / name).parent.mkdir(parents=True, exist_ok=True)
         (results / f"{name}.parquet").touch()
     assert find_recordings((data,), results) == before
+    # Another folder for the results of this run.
+    (results / "fleet.html").touch()
+    assert find_recordings((data,), tmp_path / "out") == before
+
+
+def test_the_results_of_a_single_recording_are_no_recordings(tmp_path: Path) -> None:
+    """`contacts.mcap` holds the recording once more: its contacts counted twice."""
+    data = dataset(tmp_path / "data")
+    before = find_recordings((data,))
+    results = data / "robot=a" / "date=2026-01-01"
+    for name in ("contacts.parquet", "contacts.csv", "contacts.mcap", "estimates.parquet", "report.html"):
+        (results / name).touch()
+    assert find_recordings((data,)) == before
+    (results / "report.html").unlink()
+    assert len(find_recordings((data,))) == len(before) + 4
 
 
 def _empty(tmp_path: Path) -> Path:
