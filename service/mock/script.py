@@ -1,5 +1,6 @@
 """Scripts of the simulated arm in YAML: its motion, the contacts on it, and its sensors' noise."""
 
+from math import hypot
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -22,6 +23,8 @@ from contactsense.service.mock.urscript_functions import WatchdogAction, input_f
 Vector = tuple[float, float, float]
 Posture = Annotated[tuple[float, ...], Field(min_length=1)]
 
+LARGEST_GRAVITY = 30.0
+"""As for a scene [m/s^2]."""
 SCRIPTS = Path(__file__).parent / "scripts"
 """Folder of the scripts in the package."""
 
@@ -139,14 +142,20 @@ class SafetySettings(FileModel):
     """Deviation of a joint from its target that causes a protective stop [rad]."""
 
 
+def _plausible_gravity(gravity: Vector) -> Vector:
+    if hypot(*gravity) > LARGEST_GRAVITY:
+        raise ValueError(f"expected at most {LARGEST_GRAVITY:g} m/s^2, got {list(gravity)}")
+    return gravity
+
+
 class Script(FileModel):
     """A simulated arm's robot, motion, contacts, obstacles and noise."""
 
     robot: str
     """Name of the robot, as `contactsense robots` lists them."""
-    rate: PositiveFloat = 500.0
+    rate: Annotated[float, Field(gt=0.0, le=10_000.0)] = 500.0
     """Samples per second [Hz]."""
-    gravity: Vector = (0.0, 0.0, -9.81)
+    gravity: Annotated[Vector, AfterValidator(_plausible_gravity)] = (0.0, 0.0, -9.81)
     """Acceleration of free fall, base axes [m/s^2]."""
     noise: Noise = Noise()
     """Noise of the sensors."""

@@ -50,6 +50,8 @@ def test_a_good_script() -> None:
                 "input_int_registr_47",
             ],
         ),
+        ("robot: ur5e", "robot: ur5e\nrate: 1.0e+9", ["rate: expected a number of at most 10000"]),
+        ("robot: ur5e", "robot: ur5e\ngravity: [0, 0, -9810]", ["gravity: expected at most 30 m/s^2, got"]),
         ("duration: 1.0}", "duration: 1.0, ramp: 0.6}", ["ramp: expected at most half", "got 0.6 s"]),
     ],
 )
