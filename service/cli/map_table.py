@@ -38,7 +38,7 @@ def show_map(scene: Scene, found: Detectability) -> None:
         )
     Console(width=WIDTH, markup=False).print(table)
     click.echo("Median over the surface of the link; worst: 5 % of it is worse than this.")
-    _explain(found)
+    _explain([found])
 
 
 def compare_maps(titles: Sequence[str], scenes: Sequence[Scene], found: Sequence[Detectability]) -> None:
@@ -59,13 +59,16 @@ def compare_maps(titles: Sequence[str], scenes: Sequence[Scene], found: Sequence
         table.add_row(name, *cells)
     Console(width=WIDTH, markup=False).print(table)
     click.echo("Medians over the surface of each link.")
-    _explain(found[0])
+    _explain(found)
 
 
-def _explain(found: Detectability) -> None:
+def _explain(maps: Sequence[Detectability]) -> None:
+    """What the columns mean; false alarms are those of each scene, all else is the same for both."""
+    found, rates = maps[0], list(dict.fromkeys(each.false_alarms_per_hour for each in maps))
+    alarms = f"{rates[0]:g}" if len(rates) == 1 else f"{rates[0]:g} (A) and {rates[1]:g} (B)"
     click.echo(
         f"force: smallest that is detected, with probability {found.detection:g}, in one measurement\n"
-        f"  of the arm at rest, at {found.false_alarms_per_hour:g} false alarms per hour\n"
+        f"  of the arm at rest, at {alarms} false alarms per hour\n"
         f"error: of the place, for {found.force:g} N along the inward normal; median of the answers\n"
         "named: probability of naming the link for that push\n"
         "error and named also count pushes too weak to be detected: compare with force\n"

@@ -52,6 +52,14 @@ def test_the_errors_of_the_torque_model_are_told_beside_the_noise(tmp_path: Path
     )
 
 
+def test_each_scene_has_its_own_false_alarms(scenes: tuple[str, str]) -> None:
+    strict, loose = map(Path, scenes)
+    loose.write_text(strict.read_text() + "false_alarms_per_hour: 5\n")
+    text = call(str(strict), "--compare", str(loose), *POSTURE).stdout
+    assert "of the arm at rest, at 0.01 (A) and 5 (B) false alarms per hour" in text
+
+
+@pytest.mark.slow
 def test_two_scenes_side_by_side(scenes: tuple[str, str]) -> None:
     result = call(scenes[0], "--compare", scenes[1], *POSTURE)
     assert result.exit_code == 0, result.output
