@@ -16,11 +16,12 @@ from contactsense.plausibility.plausible_limits import PlausibleLimits
 from contactsense.robots.attribute_docs import with_attributes
 from contactsense.scene import Scene, check_scene
 from contactsense.scene_model.reading_limits import LARGEST_FORCE
+from contactsense.scene_model.skin_grids import skin_of
 from contactsense.sensors.validation import checked_vector
 from contactsense.static_localizer import StaticLocalizer
 from contactsense.surface_map.noise_points import noisy_residuals
 from contactsense.surface_map.place_gain import place_gain, push_jacobian
-from contactsense.surface_map.places import Places, touchable_places
+from contactsense.surface_map.places import Places, on_skin, touchable_places
 from contactsense.surface_map.sensor_response import readings_of, sensor_response
 from contactsense.surface_map.smallest_force import detected_size, smallest_force
 
@@ -54,7 +55,7 @@ class Detectability(NamedTuple):
     link: np.ndarray
     """Index of each place's link, shape (N,), int64."""
     point_base: np.ndarray
-    """Places, shape (N, 3) [m]."""
+    """Places, shape (N, 3) [m]; with `detail: skin` those of the skin."""
     normal_base: np.ndarray
     """Outward unit normals, shape (N, 3)."""
     share: np.ndarray
@@ -156,6 +157,7 @@ def detectability(
             "touchable surface"
         )
     places = Places(*(values[::every] for values in places))
+    places = places._replace(point=on_skin(places, skin_of(scene), constants, motion))
     response = sensor_response(scene, constants, motion)[places.link]
     weakest = smallest_force(response, detected_size(scene, detection), places.point, places.normal)
     jacobians = (of(response, places, constants.prior, force) for of in (push_jacobian, place_gain))

@@ -8,7 +8,10 @@ from contactsense.kinematics.model import Motion
 from contactsense.localization.surface_samples import MOUNTING_HEIGHT, SurfaceSamples, cover_distances
 from contactsense.robots.rotations import symmetric
 from contactsense.robots.surface.convex_primitives import Surfaces, curvature
+from contactsense.robots.surface.signed_distance_grid import Grids, intersect_skin
 from contactsense.robots.surface.union import distances
+from contactsense.robots.vectors import vector
+from contactsense.runtime.candidate_rows import SKIN_STEPS, SKIN_TOLERANCE
 from contactsense.scene_model.constants import Constants
 
 
@@ -66,6 +69,32 @@ def touchable_places(constants: Constants, motion: Motion) -> Places:
         share=share / share.sum(),
         friction_ratio=np.hypot(constants.prior.friction_ratio, samples.tilt[free]),
     )
+
+
+def on_skin(places: Places, skin: Grids, constants: Constants, motion: Motion) -> np.ndarray:
+    """Where a push along each inward normal touches the skin: the localizer's answers are there. The place
+    itself where no skin is near.
+
+    Args:
+        places: The N places.
+        skin: Of the scene, as `contactsense.scene_model.skin_grids.skin_of` makes it.
+        constants, motion: As for `touchable_places`.
+
+    Returns:
+        Shape (N, 3), base frame [m].
+    """
+    found = places.point.copy()
+    for i in np.flatnonzero(places.link < len(skin.shape)):
+        link = int(places.link[i])
+        body = constants.sensors.depth[link]
+        rotation, origin = motion.rotation[body], motion.origin[body]
+        point = vector(rotation.T @ (places.point[i] - origin))
+        distance, point, _ = intersect_skin(
+            skin, link, point, vector(rotation.T @ places.normal[i]), SKIN_STEPS
+        )
+        if abs(distance) < SKIN_TOLERANCE:
+            found[i] = origin + rotation @ point
+    return found
 
 
 def _tangents(normal: np.ndarray) -> np.ndarray:

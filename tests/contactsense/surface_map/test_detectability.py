@@ -14,6 +14,7 @@ from contactsense.robots.link_poses import link_poses
 from contactsense.robots.primitives import Sphere
 from contactsense.robots.surroundings import Body
 from contactsense.surface_map.smallest_force import detected_size
+from tests.shared import shared
 
 Q = np.array([0.0, -1.3, 1.6, -1.9, -1.57, 0.0])
 BASE = WrenchSensor(force_noise=0.25, moment_noise=0.05)
@@ -53,6 +54,21 @@ def test_twice_the_noise_needs_twice_the_force(both: Detectability) -> None:
     # The same ratio of force to noise: the same errors.
     np.testing.assert_allclose(found.error, both.error, rtol=1e-6)
     np.testing.assert_allclose(found.link_probability, both.link_probability, atol=1e-6)
+
+
+@pytest.mark.slow
+def test_places_are_on_the_skin_as_the_answers_are() -> None:
+    """In a few places the base is millimetres from its primitives, and the map took that for errors."""
+    precise = WrenchSensor(force_noise=0.005, moment_noise=0.001)
+    arm = Scene(robot="ur10e", base_wrench=precise, joint_torque=None, touchable=("base",))
+    found, on_primitives = (
+        detectability(of, Q)
+        for of in (arm.model_copy(update={"detail": "skin", "meshes": shared("ur_visual/ur10e")}), arm)
+    )
+    moved = np.linalg.norm(found.point_base - on_primitives.point_base, axis=1)
+    assert moved.max() > 0.003
+    assert np.quantile(found.error, 0.95) < 2e-4
+    np.testing.assert_allclose(found.smallest_force, on_primitives.smallest_force, rtol=1e-6)
 
 
 def test_errors_fall_with_the_force(both: Detectability) -> None:
