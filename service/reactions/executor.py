@@ -19,7 +19,7 @@ from pydantic import TypeAdapter
 
 from contactsense.service.group_signals import leave_to_parent
 from contactsense.service.reactions.actions import Action
-from contactsense.service.reactions.actions.base import ActionError, ExecutedAction
+from contactsense.service.reactions.actions.base import ActionError, ExecutedAction, one_line
 
 QUEUE = 8
 """Maximum number of decisions that wait for one action."""
@@ -52,7 +52,7 @@ def _work(name: str, action: ExecutedAction, host: str, waiting: "queue.Queue[di
         decision = waiting.get()
         begin = time.monotonic()
         try:
-            reason, ok = action.perform(decision, host), True
+            reason, ok = one_line(action.perform(decision, host)), True
         except Exception as error:
             reason, ok = _reason(error), False
         _report(name, ok, reason, time.monotonic() - begin, "oldest")
@@ -61,7 +61,7 @@ def _work(name: str, action: ExecutedAction, host: str, waiting: "queue.Queue[di
 def _reason(error: Exception) -> str:
     """Why an action failed. What it does not foresee must not end its thread: later decisions would wait for
     ever."""
-    return str(error) if isinstance(error, ActionError) else f"{type(error).__name__}: {error}"
+    return one_line(str(error) if isinstance(error, ActionError) else f"{type(error).__name__}: {error}")
 
 
 def main() -> None:

@@ -5,20 +5,19 @@ import contextlib
 import json
 import random
 import sqlite3
+import threading
 import time
-import urllib.error
-import urllib.request
 import uuid
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from functools import partial
-from http.client import HTTPException
 from typing import Any
 
 from contactsense.service.events.clock_step import ClockStep
 from contactsense.service.events.journal import Journal
 from contactsense.service.live.supervision import Supervised
-from contactsense.service.reactions.actions.base import ActionError, no_answer
+from contactsense.service.reactions.actions.base import ActionError
+from contactsense.service.reactions.actions.http_request import request
 from contactsense.service.reactions.actions.webhook import WebhookAction, sign
 
 DELAYS = (0.0, 5.0, 300.0, 1800.0, 7200.0, 18000.0, 36000.0, 36000.0)
@@ -35,11 +34,6 @@ _THROTTLED = (429, 502, 504)
 """After these statuses the receiver gets twice the time."""
 _POLL = 1.0
 """Time between two looks at the outbox [s]."""
-
-
-class _NoRedirect(urllib.request.HTTPRedirectHandler):
-    def redirect_request(self, *_: Any, **__: Any) -> None:
-        return None  # a redirection does not count as success
 
 
 class WebhookDelivery:
@@ -64,7 +58,6 @@ class WebhookDelivery:
         self._delays = tuple(delays)
         self._news = {name: asyncio.Event() for name in webhooks}
         self._tasks: list[Supervised] = []
-        self._opener = urllib.request.build_opener(_NoRedirect)
         # Due times are those of the host's clock, as they must survive a restart.
         self._clock_step = ClockStep()
 
@@ -165,7 +158,7 @@ class WebhookDelivery:
                     await asyncio.wait_for(self._news[name].wait(), _POLL)
                 continue
             number, webhook_id, body, attempts = row
-            ok, status, reason = await asyncio.to_thread(self._post, name, webhook_id, body)
+            ok, status, reason = await self._attempt(name, webhook_id, body)
             # Where the journal cannot be written, as on a full disk, the delivery must not be repeated.
             while not self._settle(name, number, attempts + 1, ok, status):
                 await asyncio.sleep(_POLL)
@@ -182,6 +175,24 @@ class WebhookDelivery:
             ).fetchone()
         return row
 
+    async def _attempt(self, name: str, webhook_id: str, body: str) -> tuple[bool, int, str]:
+        """Try to deliver, in a thread of its own: the event loop waits for its usual ones before it ends, and
+        the service would end no sooner than a receiver that is slow."""
+        loop = asyncio.get_running_loop()
+        result: asyncio.Future[tuple[bool, int, str]] = loop.create_future()
+
+        def take(found: tuple[bool, int, str]) -> None:
+            if not result.done():  # the delivery has been stopped
+                result.set_result(found)
+
+        def run() -> None:
+            found = self._post(name, webhook_id, body)
+            with contextlib.suppress(RuntimeError):  # the loop has ended
+                loop.call_soon_threadsafe(take, found)
+
+        threading.Thread(target=run, name=f"webhook {name}", daemon=True).start()
+        return await result
+
     def _post(self, name: str, webhook_id: str, body: str) -> tuple[bool, int, str]:
         webhook, stamp = self._webhooks[name], int(time.time())
         try:
@@ -195,15 +206,12 @@ class WebhookDelivery:
             "webhook-signature": sign(key, webhook_id, stamp, body.encode()),
         }
         try:
-            request = urllib.request.Request(webhook.url, body.encode(), headers)
-            with self._opener.open(request, timeout=webhook.timeout) as answer:
-                return True, answer.status, f"answered {answer.status}"
-        except urllib.error.HTTPError as error:
-            with error:
-                return False, error.code, f"{webhook.url} answered {error.code}"
-        # A ValueError: the URL cannot be requested as it is, such as one with letters that are not ASCII.
-        except (OSError, HTTPException, ValueError) as error:
-            return False, 0, f"{webhook.url}: {no_answer(error, webhook.timeout)}"
+            status = request(webhook.url, "POST", body.encode(), headers, webhook.timeout)
+        except ActionError as error:
+            return False, 0, f"{webhook.url}: {error}"
+        if 200 <= status < 300:
+            return True, status, f"answered {status}"
+        return False, status, f"{webhook.url} answered {status}"
 
     def _settle(self, name: str, number: int, attempts: int, ok: bool, status: int) -> bool:
         """Write down the result of an attempt; returns False if the journal cannot be written now."""

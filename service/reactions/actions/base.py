@@ -2,7 +2,6 @@
 
 import contextlib
 import socket
-import urllib.error
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from typing import Annotated, Any
@@ -10,12 +9,22 @@ from typing import Annotated, Any
 from pydantic import ConfigDict, Field
 
 from contactsense.robots.file_model import FileModel
+from contactsense.service.reactions.actions.time_limit import TimeLimit
 
 Port = Annotated[int, Field(ge=1, le=65535)]
 
 
 class ActionError(RuntimeError):
-    """An action failed; the message states what was expected and what was received."""
+    """An action failed; the message, one line, states what was expected and what was received."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(one_line(message))
+
+
+def one_line(text: str) -> str:
+    """Text of others, such as a server's answer, for the log and the terminal: one line without control
+    characters."""
+    return "".join(c if c.isprintable() else "?" for c in " ".join(text.split()))
 
 
 class ActionSettings(FileModel, ABC):
@@ -67,21 +76,19 @@ class ExecutedAction(ActionSettings):
 
 @contextlib.contextmanager
 def connection(host: str, port: int, timeout: float) -> Iterator[socket.socket]:
-    """Open a TCP connection; every problem with it is raised as an `ActionError`."""
-    where = f"{host}:{port}"
-    try:
-        with socket.create_connection((host, port), timeout) as opened:
-            opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            yield opened
-    except TimeoutError:
-        raise ActionError(f"{where}: no answer within {timeout:g} s") from None
-    except OSError as error:
-        raise ActionError(f"{where}: {error.strerror or error}") from None
-
-
-def no_answer(error: Exception, timeout: float) -> str:
-    """Why an HTTP request has no answer, in the words of `connection`."""
-    cause = error.reason if isinstance(error, urllib.error.URLError) else error
-    if isinstance(cause, TimeoutError):
-        return f"no answer within {timeout:g} s"
-    return (cause.strerror if isinstance(cause, OSError) else None) or str(cause)
+    """Open a TCP connection for at most `timeout` [s]; each problem with it is raised as an `ActionError`."""
+    where, opened = f"{host}:{port}", list[socket.socket]()
+    with TimeLimit(timeout, lambda: list(opened)) as limit:
+        try:
+            with socket.create_connection((host, port), timeout) as robot:
+                opened.append(robot)
+                robot.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                yield robot
+                if limit.expired:  # an answer that was cut off is none
+                    raise TimeoutError
+        except (OSError, ActionError) as error:
+            if not limit.expired and isinstance(error, ActionError):
+                raise
+            if not limit.expired and not isinstance(error, TimeoutError):
+                raise ActionError(f"{where}: {getattr(error, 'strerror', '') or error}") from None
+            raise ActionError(f"{where}: no answer within {timeout:g} s") from None

@@ -1,11 +1,10 @@
 """Change the program state through the REST interface of PolyScope X (from 10.11)."""
 
 import json
-import urllib.error
-import urllib.request
 from typing import Any, Literal
 
-from contactsense.service.reactions.actions.base import ActionError, ExecutedAction, Port, no_answer
+from contactsense.service.reactions.actions.base import ActionError, ExecutedAction, Port
+from contactsense.service.reactions.actions.http_request import request
 
 PATH = "/universal-robots/robot-api/program/v1/state"
 
@@ -22,20 +21,15 @@ class PolyscopeXAction(ExecutedAction):
 
     def perform(self, decision: dict[str, Any], host: str) -> str:
         """Send the request; see `ExecutedAction.perform`."""
-        request = urllib.request.Request(
-            f"http://{host}:{self.port}{PATH}",
-            json.dumps({"action": self.action}).encode(),
-            {"Content-Type": "application/json"},
-            method="PUT",
-        )
+        where = f"{host}:{self.port}{PATH}"
+        body, headers = json.dumps({"action": self.action}).encode(), {"Content-Type": "application/json"}
         try:
-            with urllib.request.urlopen(request, timeout=self.timeout) as answer:
-                return f"answered {answer.status}"
-        except urllib.error.HTTPError as error:
-            with error:
-                raise ActionError(f"{host}:{self.port}{PATH} answered {error.code}") from None
-        except OSError as error:
-            raise ActionError(f"{host}:{self.port}{PATH}: {no_answer(error, self.timeout)}") from None
+            status = request(f"http://{where}", "PUT", body, headers, self.timeout)
+        except ActionError as error:
+            raise ActionError(f"{where}: {error}") from None
+        if not 200 <= status < 300:
+            raise ActionError(f"{where} answered {status}")
+        return f"answered {status}"
 
     def describe(self) -> str:
         """Return a short description of the action."""

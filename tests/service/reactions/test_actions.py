@@ -12,16 +12,17 @@ import threading
 import time
 import urllib.error
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from contactsense.service.reactions.actions import ur_rtde_stop
-from contactsense.service.reactions.actions.base import ActionError, no_answer
+from contactsense.service.reactions.actions.base import ActionError
 from contactsense.service.reactions.actions.command import CommandAction
 from contactsense.service.reactions.actions.dashboard import DashboardAction
+from contactsense.service.reactions.actions.http_request import no_answer
 from contactsense.service.reactions.actions.polyscope_x import PolyscopeXAction
 from contactsense.service.reactions.actions.registers import RegistersAction
 from contactsense.service.reactions.actions.stop_program import StopProgramAction
@@ -116,6 +117,39 @@ def test_nobody_there() -> None:
         StopProgramAction(type="stop_program", port=port).perform(TOLD, HOST)
 
 
+@contextmanager
+def dripping(line: bytes) -> Iterator[int]:
+    """A server that sends `line` again and again, one byte every 20 ms; yields its port."""
+
+    def drip(listener: socket.socket) -> None:
+        with suppress(OSError):
+            while True:
+                peer, _ = listener.accept()
+                with peer, suppress(OSError):
+                    for i in range(1000):
+                        peer.sendall(line[i % len(line) :][:1])
+                        time.sleep(0.02)
+
+    with socket.create_server((HOST, 0)) as server:
+        threading.Thread(target=drip, args=(server,), daemon=True).start()
+        yield server.getsockname()[1]
+        server.shutdown(socket.SHUT_RDWR)
+
+
+@pytest.mark.parametrize(
+    ("action", "line"),
+    [
+        (DashboardAction(type="dashboard", command="stop", timeout=0.2), b"Connected"),
+        (DashboardAction(type="dashboard", command="stop", timeout=0.2), b"\n" + 50 * b"S"),
+        (PolyscopeXAction(type="polyscope_x", timeout=0.2), b"HTTP/1.1 200 OK\r\nX: x"),
+    ],
+)
+def test_the_time_limit_is_for_the_whole_answer(action: Any, line: bytes) -> None:
+    """A peer that sends a byte now and then would keep the action from every later decision."""
+    with dripping(line) as port, pytest.raises(ActionError, match=r"no answer within 0\.2 s"):
+        action.model_copy(update={"port": port}).perform(TOLD, HOST)
+
+
 class _Rest(http.server.BaseHTTPRequestHandler):
     status = 200
     heard: list[tuple[str, bytes]]
@@ -161,7 +195,7 @@ def test_a_request_without_answer_is_told_like_a_connection_without_one() -> Non
         PolyscopeXAction(type="polyscope_x", port=port).perform(TOLD, HOST)
     assert str(told.value) == where.format(port, "Connection refused")
     assert no_answer(urllib.error.URLError(TimeoutError("timed out")), 20.0) == "no answer within 20 s"
-    assert no_answer(http.client.BadStatusLine("SSH-2.0"), 20.0) == "SSH-2.0"
+    assert no_answer(http.client.BadStatusLine("SSH-2.0"), 20.0) == "expected HTTP, got SSH-2.0"
 
 
 def test_a_command_gets_the_decision(tmp_path: Path) -> None:

@@ -3,10 +3,11 @@
 import asyncio
 import http.server
 import json
+import socket
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -259,3 +260,45 @@ def test_a_receiver_that_is_overloaded_gets_twice_the_time() -> None:
     assert due[0] == pytest.approx(1000.0, rel=jitter)
     assert due[1] == pytest.approx(2000.0, rel=jitter)
     assert due[1] > 1.3 * 1000.0
+
+
+@contextmanager
+def raw_receiver(answer: bytes) -> Iterator[int]:
+    """Sends `answer` to whoever connects, then nothing more until the end; yields its port."""
+    with socket.create_server(("127.0.0.1", 0)) as server, ExitStack() as peers:
+
+        def serve() -> None:
+            with suppress(OSError):
+                while True:
+                    peer = peers.enter_context(server.accept()[0])
+                    peer.recv(65536)
+                    peer.sendall(answer)
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        yield server.getsockname()[1]
+        server.shutdown(socket.SHUT_RDWR)
+        thread.join()
+
+
+def test_a_receiver_that_does_not_answer_keeps_nobody_from_ending(tmp_path: Path) -> None:
+    """The service ends at once, and the delivery goes on at its next start."""
+    journal = Journal(JournalSettings(path=tmp_path / "events.db"))
+    with raw_receiver(b"HTTP/1.1 200") as port:
+        begin = time.monotonic()
+        told = deliver(journal, hook(port), 1, lambda *_: time.monotonic() - begin > 0.3)
+        pending = [thread for thread in threading.enumerate() if thread.name == "webhook hook"]
+    assert (told, waiting(journal)) == ([], 1)
+    assert pending, "the end waited for the attempt"
+    assert all(thread.daemon for thread in pending)
+    for thread in pending:
+        thread.join()
+    journal.close()
+
+
+def test_an_answer_of_others_is_told_in_one_line() -> None:
+    """It is written to the log and to terminals."""
+    with raw_receiver(b"SSH-2.0 \x1b[31m\xff\r\n") as port:
+        (first, *_) = deliver(Journal(), hook(port), 1, lambda _, told: len(told) > 0)
+    assert first[1].startswith(f"http://127.0.0.1:{port}/hook: expected HTTP, got SSH-2.0 ?[31m")
+    assert first[1].isprintable()

@@ -1,0 +1,84 @@
+"""One HTTP request, with a limit for all of it."""
+
+import http.client
+import urllib.error
+import urllib.request
+from collections.abc import Mapping
+from functools import partial
+from typing import Any
+
+from contactsense.service.reactions.actions.base import ActionError
+from contactsense.service.reactions.actions.time_limit import TimeLimit
+
+
+def request(url: str, method: str, body: bytes, headers: Mapping[str, str], timeout: float) -> int:
+    """Send a request; returns the status of the answer, also of a refusal or a redirection.
+
+    Args:
+        url: Address.
+        method: Such as `POST`.
+        body: What is sent.
+        headers: Header fields.
+        timeout: Time limit [s].
+
+    Raises:
+        ActionError: There is no answer; the message says why, without the address.
+    """
+    opened: list[http.client.HTTPConnection] = []
+    opener = urllib.request.build_opener(_NoRedirect, _HTTP(opened), _HTTPS(opened))
+    with TimeLimit(timeout, lambda: [connection.sock for connection in opened]) as limit:
+        try:
+            outgoing = urllib.request.Request(url, body, dict(headers), method=method)
+            with opener.open(outgoing, timeout=timeout) as answer:
+                return int(answer.status)
+        except urllib.error.HTTPError as error:
+            with error:
+                return error.code
+        # A ValueError: the URL cannot be requested as it is, such as one with letters that are not ASCII.
+        except (OSError, http.client.HTTPException, ValueError) as error:
+            why = f"no answer within {timeout:g} s" if limit.expired else no_answer(error, timeout)
+            raise ActionError(why) from None
+
+
+def no_answer(error: Exception, timeout: float) -> str:
+    """Why an HTTP request has no answer, in the words of
+    `contactsense.service.reactions.actions.base.connection`."""
+    cause = error.reason if isinstance(error, urllib.error.URLError) else error
+    if isinstance(cause, TimeoutError):
+        return f"no answer within {timeout:g} s"
+    if isinstance(cause, OSError):
+        return cause.strerror or str(cause)
+    return f"expected HTTP, got {cause}" if isinstance(cause, http.client.BadStatusLine) else str(cause)
+
+
+class _NoRedirect(urllib.request.HTTPRedirectHandler):
+    def redirect_request(self, *_: Any, **__: Any) -> None:
+        return None  # a redirection does not count as success
+
+
+def _open(opened: list[http.client.HTTPConnection], kind: Any, *args: Any, **options: Any) -> Any:
+    """Make a connection and note it."""
+    opened.append(kind(*args, **options))
+    return opened[-1]
+
+
+class _HTTP(urllib.request.HTTPHandler):
+    """Notes the connections that it opens."""
+
+    def __init__(self, opened: list[http.client.HTTPConnection]) -> None:
+        super().__init__()
+        self._opened = opened
+
+    def do_open(self, http_class: Any, req: Any, **options: Any) -> Any:
+        return super().do_open(partial(_open, self._opened, http_class), req, **options)
+
+
+class _HTTPS(urllib.request.HTTPSHandler):
+    """The same with TLS."""
+
+    def __init__(self, opened: list[http.client.HTTPConnection]) -> None:
+        super().__init__()
+        self._opened = opened
+
+    def do_open(self, http_class: Any, req: Any, **options: Any) -> Any:
+        return super().do_open(partial(_open, self._opened, http_class), req, **options)
