@@ -17,6 +17,7 @@ from contactsense.setup_check.lines import (
     ANGLE_UNIT,
     AXES_ORDER,
     DELAYED_TORQUES,
+    GRAVITY,
     MOUNTING,
     ROBOT,
     TOOL,
@@ -27,6 +28,7 @@ from contactsense.setup_check.lines import (
     TORQUE_SIGNAL,
     VECTOR_ORDER,
     sensor_lines,
+    states_other_gravity,
     torque_scale,
 )
 from contactsense.setup_check.load_hypotheses import link_loads
@@ -41,6 +43,8 @@ TORQUE_CONSTANT = 10.0
 """
 _LARGEST_ANGLE = 7.0
 """No joint turns further [rad]: those of UR arms make one turn to each side."""
+_EARTH = 9.81
+"""Gravity [m/s^2]."""
 _DELAYS = (-0.05, -0.02, 0.0, 0.02, 0.05)
 
 
@@ -66,6 +70,7 @@ class Hypotheses:
         found = [
             *self._arm(setup),
             self._mounting(setup),
+            *self._gravity(setup),
             *link_loads(self._scene, setup),
             *self._tool(setup),
         ]
@@ -107,6 +112,14 @@ class Hypotheses:
                 if np.linalg.norm(down - setup.gravity) > 0.01 * size:
                     starts.append((text, replace(setup, gravity=down)))
         return Hypothesis(MOUNTING, tuple(starts), (Free("tilt"),))
+
+    def _gravity(self, setup: Setup) -> list[Hypothesis]:
+        """The gravity of the Earth, where the scene states another one. No other value is tried: the scale of
+        all torques would explain as much."""
+        if setup.gravity_factor != 1.0 or not states_other_gravity(self._scene):
+            return []
+        start = ("that of the Earth", replace(setup, gravity_factor=_EARTH / self._scene.gravity))
+        return [Hypothesis(GRAVITY, (start,))]
 
     def _tool(self, setup: Setup) -> list[Hypothesis]:
         mass, com = Free("mass"), Free("com")

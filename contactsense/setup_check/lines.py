@@ -10,6 +10,7 @@ ROBOT: Line = "robot"
 ANGLE_UNIT: Line = "joint positions: unit"
 ANGLE_ORDER: Line = "joint positions: order"
 MOUNTING: Line = "mounting"
+GRAVITY: Line = "gravity"
 TOOL: Line = "tool"
 TOOL_MASS: Line = "tool.mass"
 TOOL_COM: Line = "tool.com"
@@ -24,6 +25,8 @@ FROZEN_TORQUES: Line = "joint torques: frozen values"
 AXES_ORDER, VECTOR_ORDER, SCALE, FROZEN_VALUES = "order of axes", "force and moment", "scale", "frozen values"
 """Properties of a force/torque sensor's signals, see `signal_line`."""
 _INERTIA = "inertia."
+_ON_EARTH = 9.76, 9.84
+"""Smallest and largest gravity [m/s^2]."""
 _ARM: tuple[Line, ...] = (
     ROBOT, ANGLE_UNIT, ANGLE_ORDER, ZEROS, VELOCITIES, MOUNTING, TOOL,
     TOOL_MASS, TOOL_COM,
@@ -34,7 +37,13 @@ def lines(scene: Scene) -> tuple[Line, ...]:
     """All lines of a scene that can be checked, in the order in which they are reported."""
     sensors = [line for field in wrench_fields(scene) for line in sensor_lines(field)]
     loads = [inertia_line(scene, link) for link in loaded_links(len(scene.robot.links))]
-    return (*_ARM, *loads, *sensors, *torque_lines(scene))
+    gravity = (GRAVITY,) if states_other_gravity(scene) else ()
+    return (*_ARM, *gravity, *loads, *sensors, *torque_lines(scene))
+
+
+def states_other_gravity(scene: Scene) -> bool:
+    """Whether a scene states a gravity that is nowhere on Earth."""
+    return not _ON_EARTH[0] <= scene.gravity <= _ON_EARTH[1]
 
 
 def loaded_links(links: int) -> range:

@@ -22,6 +22,7 @@ from contactsense.setup_check.lines import (
     DELAYED_TORQUES,
     FROZEN_TORQUES,
     FROZEN_VALUES,
+    GRAVITY,
     MOUNTING,
     ROBOT,
     SCALE,
@@ -56,6 +57,8 @@ def line_value(line: Line, setup: Setup, scene: Scene) -> tuple[str, str]:
         return ("deg", "they are in degrees") if setup.angle_unit < 1.0 else ("rad", "converted twice")
     if line == MOUNTING:
         return _mounting(setup, scene)
+    if line == GRAVITY:
+        return f"{round(float(np.linalg.norm(setup.weight)), 4):g}", ""
     if line in (TOOL, TOOL_MASS, TOOL_COM):
         mass, com = f"{setup.mass:.3g}", _vector(setup.com, 3)
         return {TOOL_MASS: mass, TOOL_COM: com}.get(line, f"mass {mass}, com {com}"), ""

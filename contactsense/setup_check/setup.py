@@ -130,7 +130,9 @@ class Setup:
     flange: tuple[np.ndarray, np.ndarray]
     """Orientation and origin of the flange in the last link's frame."""
     gravity: np.ndarray
-    """In base axes, shape (3,) [m/s^2]."""
+    """As the scene states it, in base axes, shape (3,) [m/s^2]; see `weight`."""
+    gravity_factor: float
+    """By how much it is larger in truth."""
     mass: float
     """Of the tool [kg]."""
     com: np.ndarray
@@ -168,6 +170,7 @@ class Setup:
             links=links,
             flange=(scene.robot.flange_rotation, scene.robot.flange_translation),
             gravity=scene.gravity_base,
+            gravity_factor=1.0,
             mass=tool.mass,
             com=np.asarray(tool.com, dtype=float),
             tensor=tool.tensor,
@@ -222,6 +225,11 @@ class Setup:
             else:
                 changed = changed.with_sensor(group.field, **changed.sensors[group.field].moved(group, part))
         return changed
+
+    @property
+    def weight(self) -> np.ndarray:
+        """Gravity, in base axes, shape (3,) [m/s^2]."""
+        return self.gravity_factor * self.gravity
 
     @cached_property
     def loaded_links(self) -> np.ndarray:

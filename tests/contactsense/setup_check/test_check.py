@@ -80,6 +80,16 @@ def test_a_right_setup_fits_and_the_proposed_value_is_the_true_one() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("stated", [1.62, 12.0])
+def test_a_wrong_gravity_is_no_scale_of_the_torques(stated: float) -> None:
+    right = right_setup("ur10e", 3, DRAWN)
+    scene = right.scene.model_copy(update={"gravity": stated})
+    (item,) = check(scene, [right.recording]).wrong
+    assert (item.line, item.stated, item.proposed) == ("gravity", f"{stated:g}", "9.81")
+    assert item.instead == ()
+
+
+@pytest.mark.slow
 def test_an_arm_whose_limits_are_not_known_can_be_checked() -> None:
     right = right_setup("ur5e", 1, DRAWN)
     unknown = right.scene.model_copy(update={"robot": without_limits(right.scene.robot)})
