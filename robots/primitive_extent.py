@@ -47,12 +47,13 @@ def extent(primitives: Sequence[Primitive]) -> np.ndarray:
     return np.asarray(np.max(upper, axis=0) - np.min(lower, axis=0))
 
 
-def beyond(primitives: Sequence[Primitive], most: float) -> Iterator[tuple[int, str]]:
+def beyond(primitives: Sequence[Primitive], most: float, thickest: float = 0.0) -> Iterator[tuple[int, str]]:
     """Primitives so far from their frame, or so large, that their numbers may be millimetres.
 
     Args:
         primitives: Of one frame.
         most: Largest usual distance from the frame, and largest usual size [m].
+        thickest: What is no thicker may be larger, such as a floor [m].
 
     Yields:
         The index of each of them, and what was expected and what was given.
@@ -61,7 +62,7 @@ def beyond(primitives: Sequence[Primitive], most: float) -> Iterator[tuple[int, 
         lower, upper = bounds(primitive)
         # The distance of the box from the frame's origin; 0 if the origin is in it.
         distance = float(np.linalg.norm(np.maximum(np.maximum(lower, -upper), 0.0)))
-        size = float(np.max(upper - lower))
+        size = float(np.max(upper - lower)) if np.min(upper - lower) > thickest else 0.0
         if max(distance, size) > most:
             what = f"a size of {size:.4g} m" if size > most else f"a distance of {distance:.4g} m"
             yield (i, f"expected at most {most:g} m from its frame and in size, got {what}; are these mm?")

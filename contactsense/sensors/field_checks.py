@@ -54,7 +54,7 @@ def carried_by(arm: float, tool: Tool) -> None:
         of_its_mass(tool.mass, tool.tensor)
     except ValueError as error:
         raise ValueError(f"tool.{field}: {error}") from None
-    touchable_in_metres("tool", tool.primitives)
+    sized_in_metres("tool", tool.primitives)
 
 
 def lighter_than(arm: float, tool: float) -> None:
@@ -87,23 +87,28 @@ def of_its_mass(mass: float, tensor: Sequence[float]) -> None:
         )
 
 
-def touchable_in_metres(place: str, primitives: Sequence[Primitive]) -> None:
+def sized_in_metres(
+    place: str, primitives: Sequence[Primitive], furthest: float = FURTHEST, thickest: float = 0.0
+) -> None:
     """Check the primitives of what can be touched: places of contacts are searched everywhere on them, which
-    takes more time and memory than there is if they are a thousand times too large.
+    takes more time and memory than there is if they are a thousand times too large. With larger limits, those
+    of other bodies of the cell: the arm would be inside one that is a thousand times too large.
 
     Args:
         place: Where the tool or body is in the scene.
         primitives: Those of its surface.
+        furthest: Largest distance from their frame, and largest size [m].
+        thickest: What is no thicker may be larger, such as a floor [m].
 
     Raises:
         ValueError: One is so large or far away that its numbers may be millimetres; the message names it.
     """
-    for index, text in beyond(primitives, FURTHEST):
+    for index, text in beyond(primitives, furthest, thickest):
         raise ValueError(f"{place}.primitives[{index}]: {text}")
 
 
 def in_the_cell(place: str, body: Body) -> None:
-    """Check the pose of a body, and the size of one that can be touched.
+    """Check the pose of a body, and its size.
 
     Args:
         place: Where the body is in the scene.
@@ -120,7 +125,9 @@ def in_the_cell(place: str, body: Body) -> None:
     except ValueError as error:
         raise ValueError(f"{place}.{field}: {error}") from None
     if body.role == "pedestal":
-        touchable_in_metres(place, body.primitives)
+        sized_in_metres(place, body.primitives)
+    else:
+        sized_in_metres(place, body.primitives, FURTHEST_BODY, thickest=FURTHEST)
 
 
 def has_no_former_field(fields: Container[str]) -> None:

@@ -258,6 +258,16 @@ def test_an_arm_may_be_a_path(tmp_path: Path) -> None:
             r"bodies\[0\].primitives\[0\]: expected at most 5 m .* got a size of 200 m; are these mm\?",
         ),
         (
+            "robot: ur5e\nbodies: [{name: table, primitives: "
+            "[{kind: box, center: [0, 0, -500], half: [400, 300, 100], rounding: 10}]}]",
+            r"bodies\[0\].primitives\[0\]: expected at most 50 m .* got a size of 800 m; are these mm\?",
+        ),
+        (
+            "robot: ur5e\nbodies: [{name: hood, role: cover, primitives: "
+            "[{kind: box, center: [0, 0, 900], half: [400, 300, 1.5], rounding: 1}]}]",
+            r"bodies\[0\].primitives\[0\]: expected at most 50 m .* a distance of 898.5 m; are these mm\?",
+        ),
+        (
             "robot: ur5e\nbase_wrench: {translation: [0, 0, -35]}",
             "base_wrench.translation: expected x, y, z in m",
         ),
