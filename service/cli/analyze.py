@@ -29,6 +29,7 @@ from contactsense.service.recordings import (
 )
 from contactsense.service.recordings.bag_files import is_bag
 from contactsense.service.recordings.export import export
+from contactsense.service.recordings.file_names import check_name
 from contactsense.service.recordings.parquet_files import write_parquet
 from contactsense.service.recordings.table import reason
 
@@ -94,6 +95,10 @@ def analyze(
     robots.parquet, days.parquet, fleet.html and fleet.md to OUT. Segments that an earlier run completed are
     not computed again.
     """
+    try:
+        check_name(out)
+    except RecordingError as error:
+        raise click.ClickException(f"--out: {error}") from None
     if (
         workers is not None
         or scheduler is not None

@@ -14,6 +14,7 @@ from contactsense.service.analysis.fleet.run import analyze_fleet
 from contactsense.service.analysis.fleet.summary import FleetSummary, robot_rows
 from contactsense.service.analysis.fleet.worker_pool import WorkerPoolError
 from contactsense.service.analysis.health import UNJUDGED
+from contactsense.service.recordings.problems import RecordingError
 
 
 def analyze_dataset(
@@ -40,7 +41,7 @@ def analyze_dataset(
     except OSError as error:
         what = f"{error.filename}: {error.strerror}" if error.strerror else str(error)
         raise click.ClickException(what) from None
-    except (SceneError, WorkerPoolError, RuntimeError) as error:
+    except (RecordingError, SceneError, WorkerPoolError, RuntimeError) as error:
         raise click.ClickException(str(error)) from None
     for problem in summary.problems:
         click.echo(f"contactsense: {problem}", err=True)

@@ -25,6 +25,7 @@ from contactsense.service.cli.sensor_options import from_environment, sensor_opt
 from contactsense.service.live.scheduling import RECORDER, prefer_low_latency, prioritize
 from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError, read, scene_in
 from contactsense.service.recordings.export import export
+from contactsense.service.recordings.file_names import check_name
 from contactsense.service.recordings.problem_lines import problem_lines
 from contactsense.service.recordings.recorder import Recorder
 from contactsense.service.recordings.segment_writer import Rotation
@@ -101,6 +102,7 @@ def record(
             record_by_service(ServiceCalls(url, token), seconds)
             return
         assert out is not None
+        check_name(out)
         if origin is not None:
             _convert(origin, out, given.get("scene"), columns)
             return

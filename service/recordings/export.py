@@ -16,6 +16,7 @@ from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
 from contactsense.scene_model.wrench_map import WrenchMap
 from contactsense.sensors.link_values import as_fields, column_of
 from contactsense.service.recordings.file_format import format_of
+from contactsense.service.recordings.file_names import check_name
 from contactsense.service.recordings.metadata import metadata
 from contactsense.service.recordings.parquet_files import write_parquet
 from contactsense.service.recordings.problems import RecordingError
@@ -55,6 +56,7 @@ def check_format(path: Path) -> None:
 
 
 def _write_table(table: pa.Table, path: Path) -> None:
+    check_name(path)
     check_format(path)
     if not path.parent.is_dir():  # otherwise the error names a temporary file
         raise RecordingError(f"{path}: there is no folder {path.parent}")
@@ -87,6 +89,7 @@ def export(
     Raises:
         RecordingError: The format is unknown, an extra package is missing, or the file cannot be written.
     """
+    check_name(path)
     if format_of(path) not in (".parquet", ".csv", ".mcap"):
         raise RecordingError(f"{path}: expected a name that ends in .parquet, .csv or .mcap")
     if scene is not None:

@@ -11,6 +11,7 @@ from contactsense.sensors.link_values import as_fields
 from contactsense.service.recordings.bag_files import BagFile, is_bag
 from contactsense.service.recordings.cleaning import RowChecker
 from contactsense.service.recordings.column_mapping import ColumnMapping
+from contactsense.service.recordings.file_names import check_name
 from contactsense.service.recordings.held_values import HeldValues
 from contactsense.service.recordings.problems import RecordingError
 from contactsense.service.recordings.recording import BLOCK, Recording, concatenate
@@ -41,6 +42,7 @@ class RecordingFile:
             raise TypeError(f"path: expected that of a file, got {type(path).__name__}")
         check_scene(scene)
         self.path = Path(path)
+        check_name(self.path)
         self.name = str(path)
         self._scene, self._mapping = scene, mapping or ColumnMapping()
         self._table: TableFile = (

@@ -10,6 +10,7 @@ import pyarrow as pa
 from contactsense.service.recordings.arrow_table import ArrowTable
 from contactsense.service.recordings.csv_table import CsvTable
 from contactsense.service.recordings.file_format import format_of
+from contactsense.service.recordings.file_names import check_name
 from contactsense.service.recordings.parquet_tables import ParquetFolder, ParquetTable
 from contactsense.service.recordings.problems import RecordingError
 from contactsense.service.recordings.table import TableFile, reason
@@ -21,6 +22,7 @@ def open_table(path: Path) -> TableFile:
     Raises:
         RecordingError: It cannot be read, or is not a table.
     """
+    check_name(path)
     try:
         if path.is_dir():
             return ParquetFolder(path)

@@ -34,7 +34,7 @@ def is_analysis(path: Path) -> bool:
     """Whether a file is a table of contacts, as `contactsense analyze` writes it."""
     try:
         names = pa_parquet.read_schema(path).names
-    except (OSError, pa.ArrowInvalid):
+    except (OSError, UnicodeEncodeError, pa.ArrowInvalid):  # Arrow opens no name that is not UTF-8
         return False
     return {"peak_time", "point_base_x", "q"}.issubset(names)
 

@@ -18,6 +18,7 @@ import pyarrow.parquet as pa_parquet
 from contactsense.sensors.timing import LONGEST_FIRST_STEP
 from contactsense.service.recordings import RecordingError, date_in
 from contactsense.service.recordings.file_format import format_of
+from contactsense.service.recordings.file_names import check_name
 from contactsense.service.recordings.parquet_tables import RAW_READINGS
 from contactsense.service.recordings.repeated_clips import without_repeated_clips
 from contactsense.service.recordings.table import floats
@@ -99,12 +100,14 @@ def find_recordings(paths: tuple[Path, ...], out: Path | None = None) -> list[Da
 
     Raises:
         FileNotFoundError: a path does not exist, or there is no recording; the message names it.
+        RecordingError: a name is not UTF-8.
     """
     found = []
     for path in paths:
         if path.is_dir():
             found += [_file(p, p.relative_to(path)) for p in _inside(path, out)]
         elif path.exists():
+            check_name(path)
             found.append(_file(path, Path(path.name)))
         else:
             raise FileNotFoundError(f"{path}: expected a recording or a folder of recordings, found nothing")
@@ -138,9 +141,10 @@ def _inside(folder: Path, out: Path | None) -> list[Path]:
     bags = {p.parent for name in ("metadata.yaml", "*.db3") for p in folder.rglob(name)} - {folder}
     files = (p for p in folder.rglob("*") if p.is_file() and p.name.lower().endswith(SUFFIXES))
     single = {p for p in files if not p.name.startswith((".", RAW_READINGS)) and p.parent not in bags}
-    return without_repeated_clips(
-        sorted(p for p in single | bags if results.isdisjoint((p.resolve(), *p.resolve().parents)))
-    )
+    found = sorted(p for p in single | bags if results.isdisjoint((p.resolve(), *p.resolve().parents)))
+    for path in found:
+        check_name(path)
+    return without_repeated_clips(found)
 
 
 def segments(file: DatasetFile, length: float = SEGMENT_TIME) -> Iterator[Segment]:
