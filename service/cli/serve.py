@@ -1,6 +1,7 @@
 """`contactsense serve`: runs the service over HTTP and WebSocket."""
 
 import contextlib
+import errno
 import logging
 import os
 import shlex
@@ -184,10 +185,13 @@ def _server_config(app: FastAPI, settings: Settings) -> uvicorn.Config:
     try:
         config.load()
     except OSError as error:
-        expected = "expected a certificate and its key in PEM: " if isinstance(error, ssl.SSLError) else ""
+        why = error.strerror
+        if isinstance(error, ssl.SSLError):
+            why = f"expected a certificate and its key in PEM: {why}"
+        elif error.errno == errno.EINVAL:  # without a terminal nobody can be asked
+            why = "expected a key without pass phrase, as `openssl pkey -in KEY -out PLAIN_KEY` writes it"
         raise click.ClickException(
-            f"{settings.tls_certificate}, {settings.tls_key}: cannot be used for TLS: "
-            f"{expected}{error.strerror}"
+            f"{settings.tls_certificate}, {settings.tls_key}: cannot be used for TLS: {why}"
         ) from None
     return config
 

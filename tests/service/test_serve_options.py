@@ -1,7 +1,11 @@
 """What the options of `contactsense serve` change in the service that it starts."""
 
 import logging
+import shlex
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -92,3 +96,32 @@ def test_numbers_that_cannot_be_are_refused(option: str, value: str) -> None:
     done = CliRunner().invoke(serve.serve, ["--port", "0", option, value])
     assert done.exit_code == 2
     assert option in done.output
+
+
+@pytest.mark.slow
+def test_a_key_with_a_pass_phrase_is_named_where_nobody_can_enter_it(tmp_path: Path) -> None:
+    made = subprocess.run(
+        shlex.split(
+            "openssl req -x509 -newkey rsa:2048 -passout pass:secret -days 2 -subj /CN=localhost "
+            "-keyout key.pem -out cert.pem"
+        ),
+        cwd=tmp_path,
+        check=False,
+        capture_output=True,
+    )
+    if made.returncode != 0:
+        pytest.skip("openssl is not at hand, or too old")
+    command = "from contactsense.service.cli.main import main; main()"
+    options = shlex.split("serve --port 0 --tls-certificate cert.pem --tls-key key.pem")
+    # OpenSSL asks on the terminal of the session.
+    ended = subprocess.run(
+        [sys.executable, "-c", command, *options],
+        cwd=tmp_path,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        start_new_session=True,
+        timeout=60,
+    )
+    assert ended.returncode == 1
+    assert "cert.pem, key.pem: cannot be used for TLS: expected a key without pass phrase" in ended.stderr
