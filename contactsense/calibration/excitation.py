@@ -166,8 +166,13 @@ class _Search:
         self._low, self._high = np.array([joint.position_limits for joint in joints]).T
         self._max_speed = settings.speed * np.array([joint.velocity_limit for joint in joints])
         self._max_torque = settings.torque * np.array([joint.torque_limit for joint in joints])
-        self._clearance = Clearance(scene, home, settings.clearance)
         which = "the default posture, that of UR arms," if settings.home is None else "this posture"
+        for joint, angle, low, high in zip(joints, home, self._low, self._high, strict=True):
+            if not low < angle < high:
+                raise CalibrationError(
+                    f"home: {which} has {joint.name} at {angle:.3g} rad, expected {low:.3g} to {high:.3g} rad"
+                )
+        self._clearance = Clearance(scene, home, settings.clearance)
         if self._clearance.lowest(home[None])[0] < settings.floor:
             raise CalibrationError(f"home: {which} is lower than {settings.floor:g} m above the base plane")
 

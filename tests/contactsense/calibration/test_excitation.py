@@ -166,6 +166,11 @@ def test_a_joint_that_cannot_be_excited_is_named() -> None:
         (ExcitationSettings(home=(0.0, 1.2, 0.0, 0.0, 0.0, 0.0)), "home: this posture is lower than 0.05 m"),
         (ExcitationSettings(floor=3.0), "home: the default posture, that of UR arms, is lower than 3 m"),
         (ExcitationSettings(home=(0.0, 0.0)), "home: expected 6 angles, got 2"),
+        (
+            ExcitationSettings(home=(0.0, -1.5, 1.5, -1.5, -1.5, 17.0)),
+            "home: this posture has wrist_3_joint at 17 rad, expected -6.28 to 6.28 rad",
+        ),
+        (ExcitationSettings(home=(0.0, -1.5, np.nan, -1.5, -1.5, 0.0)), "elbow_joint at nan rad"),
         (ExcitationSettings(seconds=1.0), "seconds: expected at least 4"),
         (ExcitationSettings(seconds=8.0, torque=0.01), "no motion of 8 s found"),
     ],
