@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.parquet as pa_parquet
 
 from contactsense import Localizer
 from contactsense.robots.whole_file import whole_file
@@ -61,8 +62,9 @@ def run_segment(task: SegmentTask) -> dict[str, Any]:
     own = segment.file
     # Not those of earlier results: the folders above may have named another robot or date then.
     names = {"name": own.name, "robot": own.robot, "date": own.date}
-    if path.exists():
-        return {**json.loads(path.read_text(encoding="utf-8")), **names}
+    done = _done(path)
+    if done is not None:
+        return {**done, **names}
     run = _run(task.scene, task.parts)
     try:
         file = RecordingFile(own.path, run.scene)
@@ -80,6 +82,15 @@ def run_segment(task: SegmentTask) -> dict[str, Any]:
     with whole_file(path) as unfinished:
         unfinished.write_text(json.dumps(result), encoding="utf-8")
     return result
+
+
+def _done(path: Path) -> dict[str, Any] | None:
+    """The result in a JSON file; None without one, or if it or its table are damaged, as by a power cut."""
+    try:
+        pa_parquet.read_metadata(path.with_suffix(".parquet"))
+        return dict(json.loads(path.read_text(encoding="utf-8")))
+    except (OSError, ValueError, pa.ArrowException):
+        return None
 
 
 @lru_cache(maxsize=4)

@@ -241,6 +241,17 @@ def test_a_robot_without_a_name_has_the_same_one_everywhere(tmp_path: Path, scen
         assert "date" not in table.column_names or set(table["date"].to_pylist()) == {"unknown"}
 
 
+@pytest.mark.slow
+def test_a_damaged_result_of_an_earlier_run_is_made_again(tmp_path: Path, scene: Path) -> None:
+    """As a power cut leaves it; the files are in place, empty or cut."""
+    path, out = write_motion(demo(), tmp_path / "one.parquet", last=2300), tmp_path / "out"
+    before = analyze_fleet((path,), scene, out).contacts
+    for ending, content in (("json", b'{"sec'), ("json", b""), ("parquet", b"PAR1"), ("parquet", None)):
+        (part,) = (out / "parts").rglob(f"*.{ending}")
+        part.unlink() if content is None else part.write_bytes(content)
+        assert analyze_fleet((path,), scene, out).contacts.equals(before)
+
+
 @pytest.mark.parametrize(
     ("dates", "words"),
     [
