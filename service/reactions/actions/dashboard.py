@@ -10,7 +10,9 @@ from contactsense.service.reactions.actions.base import ActionError, ExecutedAct
 _VALUES = ("rule", "level", "link", "force")
 """What a popup can show of a decision."""
 _IN_BRACES = r"\{([^{}]*)\}"
-_REFUSALS = ("could not understand", "failed", "not allowed", "error", "no program")
+_DONE = {"pause": "pausing program", "stop": "stopped", "popup": "showing popup"}
+"""How the server answers a command that it carries out (Universal Robots, "Dashboard Server e-Series, port
+29999"). Anything else is a refusal, or the answer of another server."""
 
 
 class DashboardAction(ExecutedAction):
@@ -51,8 +53,8 @@ class DashboardAction(ExecutedAction):
                 raise ActionError(f"{host}:{self.port}: expected a greeting, the server hung up")
             robot.sendall(line.encode("ascii", "replace") + b"\n")
             answer = answers.readline(1000).decode("utf-8", "replace").strip()
-        if not answer or any(word in answer.lower() for word in _REFUSALS):
-            raise ActionError(f"{host}:{self.port} answered {answer!r} to {self.command!r}")
+        if not answer.lower().startswith(_DONE[self.command]):
+            raise ActionError(f"{host}:{self.port} answered {answer!r:.200} to {self.command!r}")
         return answer
 
     def describe(self) -> str:

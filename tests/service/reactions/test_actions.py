@@ -75,15 +75,20 @@ def test_a_stop_program() -> None:
 
 
 @pytest.mark.parametrize(
-    ("command", "line"), [("pause", b"pause\n"), ("stop", b"stop\n"), ("popup", b"popup 60 N on forearm\n")]
+    ("command", "line", "answer"),
+    [
+        ("pause", b"pause\n", "Pausing program"),
+        ("stop", b"stop\n", "Stopped"),
+        ("popup", b"popup 60 N on forearm\n", "showing popup"),
+    ],
 )
-def test_dashboard_commands(command: Any, line: bytes) -> None:
-    with line_server(b"Connected: Universal Robots Dashboard Server\n", b"Pausing program\n") as (
+def test_dashboard_commands(command: Any, line: bytes, answer: str) -> None:
+    with line_server(b"Connected: Universal Robots Dashboard Server\n", answer.encode() + b"\n") as (
         port,
         heard,
     ):
         action = DashboardAction(type="dashboard", command=command, text="{force} N on {link}", port=port)
-        assert action.perform(TOLD, HOST) == "Pausing program"
+        assert action.perform(TOLD, HOST) == answer
         assert heard == [line]
 
 
@@ -96,7 +101,15 @@ def test_a_line_break_in_a_name_begins_no_other_command() -> None:
         assert heard[0].startswith(b"popup arm play: ")
 
 
-@pytest.mark.parametrize("answer", [b"Failed to execute: pause\n", b"could not understand: 'pause'\n"])
+@pytest.mark.parametrize(
+    "answer",
+    [
+        b"Failed to execute: pause\n",
+        b"could not understand: 'pause'\n",
+        b"Invalid SSH identification string.\n",
+        b"\x00\xff\n",
+    ],
+)
 def test_a_dashboard_that_refuses(answer: bytes) -> None:
     with (
         line_server(b"Connected\n", answer) as (port, _),
