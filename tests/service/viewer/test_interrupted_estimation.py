@@ -23,6 +23,8 @@ def test_it_can_be_interrupted(tmp_path: Path, number: signal.Signals) -> None:
     with subprocess.Popen(
         [sys.executable, "-P", "-m", "contactsense", *arguments],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        # Shells start background jobs with SIGINT ignored, and children inherit that.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     ) as process:  # fmt: skip
         try:
             assert process.stderr is not None
