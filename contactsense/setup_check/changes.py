@@ -45,7 +45,8 @@ def _change(group: Free, a: Setup, b: Setup) -> float:
     if group.kind == "zero":
         return float(np.abs(np.subtract(b.angle_zero, a.angle_zero)).max())
     if group.kind == "tilt":
-        return float(np.arccos(np.clip(a.gravity @ b.gravity / (a.gravity @ a.gravity), -1.0, 1.0)))
+        both = np.linalg.norm(a.gravity) * np.linalg.norm(b.gravity)
+        return float(np.arccos(np.clip(a.gravity @ b.gravity / both, -1.0, 1.0)))
     if group.kind == "mass":
         return abs(a.mass - b.mass)
     if group.kind == "com":

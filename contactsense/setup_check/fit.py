@@ -198,11 +198,11 @@ class Fitter:
         """Torques per inertial parameter, shape (M, n, L, 10)."""
 
         def found() -> np.ndarray:
-            gravity = setup.weight if setup.meaning == "motor" else np.zeros(3)
+            gravity = setup.gravity if setup.meaning == "motor" else np.zeros(3)
             inertia = setup.meaning != "external"
             return self._basis(setup).joints.torques(gravity, inertia, setup.torque_delay)
 
-        key = (*_motion(setup), setup.meaning, setup.torque_delay, setup.weight.tobytes())
+        key = (*_motion(setup), setup.meaning, setup.torque_delay, setup.gravity.tobytes())
         return self._latest("joint_torque", key, found)
 
     def _load_terms(self, setup: Setup, field: str) -> np.ndarray:
@@ -210,9 +210,9 @@ class Fitter:
         sensor = setup.sensors[field]
 
         def found() -> np.ndarray:
-            return self._basis(setup).loads(sensor.body).at(setup.weight, sensor.delay)
+            return self._basis(setup).loads(sensor.body).at(setup.gravity, sensor.delay)
 
-        key = (*_motion(setup), sensor.body, sensor.delay, setup.weight.tobytes())
+        key = (*_motion(setup), sensor.body, sensor.delay, setup.gravity.tobytes())
         return self._latest(field, key, found)
 
     def _latest(self, name: str, key: object, found: Callable[[], np.ndarray]) -> np.ndarray:

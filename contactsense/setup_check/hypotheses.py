@@ -27,8 +27,8 @@ from contactsense.setup_check.lines import (
     TORQUE_SIGN,
     TORQUE_SIGNAL,
     VECTOR_ORDER,
+    is_on_earth,
     sensor_lines,
-    states_other_gravity,
     torque_scale,
 )
 from contactsense.setup_check.load_hypotheses import link_loads
@@ -116,9 +116,10 @@ class Hypotheses:
     def _gravity(self, setup: Setup) -> list[Hypothesis]:
         """The gravity of the Earth, where the scene states another one. No other value is tried: the scale of
         all torques would explain as much."""
-        if setup.gravity_factor != 1.0 or not states_other_gravity(self._scene):
+        size = float(np.linalg.norm(setup.gravity))
+        if is_on_earth(size):
             return []
-        start = ("that of the Earth", replace(setup, gravity_factor=_EARTH / self._scene.gravity))
+        start = ("that of the Earth", replace(setup, gravity=_EARTH / size * setup.gravity))
         return [Hypothesis(GRAVITY, (start,))]
 
     def _tool(self, setup: Setup) -> list[Hypothesis]:

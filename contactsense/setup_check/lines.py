@@ -37,13 +37,13 @@ def lines(scene: Scene) -> tuple[Line, ...]:
     """All lines of a scene that can be checked, in the order in which they are reported."""
     sensors = [line for field in wrench_fields(scene) for line in sensor_lines(field)]
     loads = [inertia_line(scene, link) for link in loaded_links(len(scene.robot.links))]
-    gravity = (GRAVITY,) if states_other_gravity(scene) else ()
+    gravity = () if is_on_earth(scene.gravity) else (GRAVITY,)
     return (*_ARM, *gravity, *loads, *sensors, *torque_lines(scene))
 
 
-def states_other_gravity(scene: Scene) -> bool:
-    """Whether a scene states a gravity that is nowhere on Earth."""
-    return not _ON_EARTH[0] <= scene.gravity <= _ON_EARTH[1]
+def is_on_earth(gravity: float) -> bool:
+    """Whether there is such a gravity [m/s^2] anywhere on Earth."""
+    return _ON_EARTH[0] <= gravity <= _ON_EARTH[1]
 
 
 def loaded_links(links: int) -> range:

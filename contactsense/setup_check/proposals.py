@@ -58,7 +58,7 @@ def line_value(line: Line, setup: Setup, scene: Scene) -> tuple[str, str]:
     if line == MOUNTING:
         return _mounting(setup, scene)
     if line == GRAVITY:
-        return f"{round(float(np.linalg.norm(setup.weight)), 4):g}", ""
+        return f"{round(float(np.linalg.norm(setup.gravity)), 4):g}", ""
     if line in (TOOL, TOOL_MASS, TOOL_COM):
         mass, com = f"{setup.mass:.3g}", _vector(setup.com, 3)
         return {TOOL_MASS: mass, TOOL_COM: com}.get(line, f"mass {mass}, com {com}"), ""

@@ -130,9 +130,7 @@ class Setup:
     flange: tuple[np.ndarray, np.ndarray]
     """Orientation and origin of the flange in the last link's frame."""
     gravity: np.ndarray
-    """As the scene states it, in base axes, shape (3,) [m/s^2]; see `weight`."""
-    gravity_factor: float
-    """By how much it is larger in truth."""
+    """In base axes, shape (3,) [m/s^2]."""
     mass: float
     """Of the tool [kg]."""
     com: np.ndarray
@@ -170,7 +168,6 @@ class Setup:
             links=links,
             flange=(scene.robot.flange_rotation, scene.robot.flange_translation),
             gravity=scene.gravity_base,
-            gravity_factor=1.0,
             mass=tool.mass,
             com=np.asarray(tool.com, dtype=float),
             tensor=tool.tensor,
@@ -225,11 +222,6 @@ class Setup:
             else:
                 changed = changed.with_sensor(group.field, **changed.sensors[group.field].moved(group, part))
         return changed
-
-    @property
-    def weight(self) -> np.ndarray:
-        """Gravity, in base axes, shape (3,) [m/s^2]."""
-        return self.gravity_factor * self.gravity
 
     @cached_property
     def loaded_links(self) -> np.ndarray:

@@ -20,9 +20,9 @@ MISLEADING = 3.0
 onset are at most six standard deviations of the stated noise; where residuals are three times as large, that
 is at most two of their own, which free motion reaches again and again."""
 CONTRADICTION = 0.05
-"""Sensors that contradict each other, or their noise, in a larger share of the samples show a wrong scene. In
-the recordings of docs/analysis.md, and in those of simulated arms with the right scene, also where two
-contacts act at a time, they do not in any sample."""
+"""Sensors that contradict each other, or have more noise than stated, in a larger share of the samples show a
+wrong scene. In the recordings of docs/analysis.md, and in those of simulated arms with the right scene, also
+where two contacts act at a time, they do not in any sample."""
 UNEXPLAINED = 0.2
 """Larger share of the time during which no single contact explains the readings. Among simulated pairs of
 contacts it reaches that, with the right scene it does not otherwise."""
@@ -42,7 +42,9 @@ def warning(analysis: Analysis) -> str:
     # At low rates the reason is how the arm moves between two samples, see `health`.
     if found.inconsistent > CONTRADICTION * analysis.samples and analysis.step <= LONG_STEP:
         share = _share(found.inconsistent, analysis.samples)
-        reasons.append(f"in {share} of the samples sensors contradicted each other or their noise")
+        reasons.append(
+            f"in {share} of the samples sensors contradicted each other or had more noise than stated"
+        )
     unused = [
         name
         for i, (name, there) in enumerate(in_scene(analysis.scene).items())

@@ -46,7 +46,7 @@ class ResidualSummary:
     degraded: int
     """Samples in which a sensor was missing, invalid or inconsistent, or the observers were settling."""
     inconsistent: int
-    """Samples in which the sensors contradicted each other, or a sensor its noise."""
+    """Samples in which the sensors contradicted each other, or had more noise than stated."""
     missing: tuple[int, ...]
     """Samples in which each sensor was missing: base sensor, joint torques, link sensors."""
 

@@ -62,7 +62,7 @@ def _open(opened: list[http.client.HTTPConnection], kind: Any, *args: Any, **opt
     return opened[-1]
 
 
-class _HTTP(urllib.request.HTTPHandler):
+class _Noting(urllib.request.AbstractHTTPHandler):
     """Notes the connections that it opens."""
 
     def __init__(self, opened: list[http.client.HTTPConnection]) -> None:
@@ -73,12 +73,9 @@ class _HTTP(urllib.request.HTTPHandler):
         return super().do_open(partial(_open, self._opened, http_class), req, **options)
 
 
-class _HTTPS(urllib.request.HTTPSHandler):
-    """The same with TLS."""
+class _HTTP(_Noting, urllib.request.HTTPHandler):
+    pass
 
-    def __init__(self, opened: list[http.client.HTTPConnection]) -> None:
-        super().__init__()
-        self._opened = opened
 
-    def do_open(self, http_class: Any, req: Any, **options: Any) -> Any:
-        return super().do_open(partial(_open, self._opened, http_class), req, **options)
+class _HTTPS(_Noting, urllib.request.HTTPSHandler):
+    pass

@@ -97,7 +97,7 @@ def test_a_delay_that_the_scene_does_not_state_is_warned_of(tmp_path: Path) -> N
     pa_parquet.write_table(table, tmp_path / "late.parquet")
     assert warning(run_analysis(path, Scene(robot="ur5e"))) == ""
     found = run_analysis(tmp_path / "late.parquet", Scene(robot="ur5e"))
-    assert "% of the samples sensors contradicted each other or their noise" in warning(found)
+    assert "% of the samples sensors contradicted each other or had more noise than stated" in warning(found)
     right = Scene(robot="ur5e", base_wrench=WrenchSensor(delay=late * 0.002))
     assert warning(run_analysis(tmp_path / "late.parquet", right)) == ""
 
