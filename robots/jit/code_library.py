@@ -18,6 +18,9 @@ import llvmlite.binding as llvm
 from llvmlite import ir
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, Flags
+from numba.core.typed_passes import NopythonTypeInference
+
+from contactsense.robots.jit.nonnegative_indices import NonnegativeIndices
 
 _ENVIRONMENT = "_ZN08NumbaEnv"
 """Prefix of the global variables that Numba sets when a function is compiled or loaded."""
@@ -127,6 +130,13 @@ class KernelCompiler(Compiler):
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)  # type: ignore[no-untyped-call]
         self.state.flags = KernelFlags(self.state.flags)  # type: ignore[no-untyped-call]
+
+    def define_pipelines(self) -> list[Any]:
+        """Numba's pipeline, with one pass more."""
+        (pipeline,) = super().define_pipelines()  # type: ignore[no-untyped-call]
+        pipeline.add_pass_after(NonnegativeIndices, NopythonTypeInference)
+        pipeline.finalize()
+        return [pipeline]
 
     def compile_extra(self, func: Any) -> Any:
         """Compile a function; Numba calls this once for each set of argument types."""

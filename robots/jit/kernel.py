@@ -23,7 +23,7 @@ from numba.core.registry import CPUDispatcher
 from numba.core.sigutils import normalize_signature
 from numba.core.types import Array, BaseTuple, unliteral
 
-from contactsense.robots.jit import code_library
+from contactsense.robots.jit import code_library, nonnegative_indices
 from contactsense.robots.jit.code_library import KernelCompiler, LinkedCompiler
 from contactsense.robots.jit.compile_lock import compile_lock
 
@@ -285,7 +285,7 @@ class _Index(IndexDataCacheFile):
 
 def _dependencies(compiled: Any, dependencies: set[tuple[str, ...]], seen: set[Any]) -> None:
     """Add the source files and constants that are compiled into a function's machine code."""
-    for file in (__file__, code_library.__file__):
+    for file in (__file__, code_library.__file__, nonnegative_indices.__file__):
         dependencies.add(("file", _relative_path(file)))
     if compiled in seen:
         return
