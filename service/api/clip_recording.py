@@ -10,15 +10,16 @@ from contactsense.service.live.listener import Listener
 from contactsense.service.recordings.clip_listener import ClipListener
 
 
-def clip_listeners(settings: Settings) -> tuple[Callable[[Scene], Listener], ...]:
-    """Factories of the pipeline's listeners, picklable.
+def check_folder(settings: Settings) -> None:
+    """Check the folder for recordings, and create it. For the start of the service only: while it runs, the
+    folder may be away or full, which the listener reports.
 
     Raises:
-        SettingsError: The folder for recordings cannot be written to.
+        SettingsError: It cannot be written to.
     """
     folder = settings.recording.folder
     if folder is None:
-        return ()
+        return
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
@@ -27,4 +28,10 @@ def clip_listeners(settings: Settings) -> tuple[Callable[[Scene], Listener], ...
         raise SettingsError(
             f"--recordings: {folder}: expected a folder that can be written to, got: {error.strerror}"
         ) from None
+
+
+def clip_listeners(settings: Settings) -> tuple[Callable[[Scene], Listener], ...]:
+    """Factories of the pipeline's listeners, picklable."""
+    if settings.recording.folder is None:
+        return ()
     return (partial(ClipListener, settings=settings.recording, rate=settings.robot_rate),)

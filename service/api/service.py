@@ -17,7 +17,7 @@ from starlette.requests import HTTPConnection
 from contactsense import Scene
 from contactsense.plausibility.plausible_limits import PlausibleLimits
 from contactsense.service.api import clips, messages, track
-from contactsense.service.api.clip_recording import clip_listeners
+from contactsense.service.api.clip_recording import check_folder, clip_listeners
 from contactsense.service.api.connections import ConnectionLimits
 from contactsense.service.api.limits import RequestLimits
 from contactsense.service.api.messages import HealthOut
@@ -65,6 +65,7 @@ class Service:
                 Journal(settings.events).close()
             except JournalError as error:
                 raise SettingsError(str(error)) from None
+        check_folder(settings)
         self.clips = clips.Clips(settings.recording, lambda command: self.runner.send(command))
         self.journal: Journal
         """Events; open while the service runs."""

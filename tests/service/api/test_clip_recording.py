@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from contactsense.service.api.clip_recording import clip_listeners
+from contactsense.service.api.clip_recording import check_folder, clip_listeners
 from contactsense.service.api.settings import Settings, SettingsError
 
 
@@ -15,7 +15,8 @@ def test_a_folder_that_cannot_be_written_to_is_refused_at_the_start(tmp_path: Pa
         with pytest.raises(
             SettingsError, match=r"--recordings: .*file.*: expected a folder that can be writ"
         ):
-            clip_listeners(settings)
+            check_folder(settings)
     settings = Settings.model_validate({"recording": {"folder": tmp_path / "new"}})
+    check_folder(settings)
     assert len(clip_listeners(settings)) == 1
     assert list((tmp_path / "new").iterdir()) == []

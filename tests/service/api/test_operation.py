@@ -95,6 +95,24 @@ def test_a_reload_takes_a_good_scene_and_leaves_a_bad_one(tmp_path: Path) -> Non
     assert service.health().reload == service.reloaded
 
 
+def test_a_reload_does_not_need_the_folder_for_recordings(tmp_path: Path) -> None:
+    path, folder = tmp_path / "scene.yaml", tmp_path / "recordings"
+    path.write_text("robot: ur5e\n")
+    settings = Settings.model_validate({"scene": path, "recording": {"folder": folder}})
+    service = create_app(settings).state.service
+    folder.rmdir()
+    folder.write_text("a disk that is away, or can only be read")
+
+    async def reload() -> None:
+        async with service.running():
+            await service.reload()
+
+    path.write_text("robot: ur10e\n")
+    asyncio.run(reload())
+    assert service.reloaded.ok
+    assert service.scene.robot.name == "ur10e"
+
+
 @pytest.mark.parametrize("pipeline", [False, True])
 def test_a_reload_tells_of_a_restart_only_where_a_pipeline_runs(
     pipeline: bool, caplog: pytest.LogCaptureFixture
