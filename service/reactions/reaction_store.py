@@ -4,12 +4,14 @@ or crash of the service."""
 import json
 import logging
 import sqlite3
+import threading
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 from contactsense.service.events.journal import Journal
 
+_AGAIN = 1.0
+"""Time before another attempt to write what could not be written [s]."""
 log = logging.getLogger("contactsense")
 
 
@@ -22,8 +24,14 @@ class ReactionStore:
 
     def __init__(self, journal: Journal) -> None:
         self._journal = journal
+        self._news = threading.Condition()
+        self._unsaved: dict[str, tuple[str, list[tuple[Any, ...]]]] = {}
+        """Table -> the placeholders of a row, and the rows that are to replace those of the table."""
+        self._closing = False
+        self._failing = False
         # One thread: keeps the order of writes, and callers do not wait for the file.
-        self._writer = ThreadPoolExecutor(1, "reactions")
+        self._writer = threading.Thread(target=self._run, name="reactions", daemon=True)
+        self._writer.start()
 
     def load(self) -> list[dict[str, Any]]:
         """Return the decisions that were latched when the service last ran, in the form of
@@ -40,28 +48,61 @@ class ReactionStore:
         return None if row is None else float(row[0])
 
     def save(self, decisions: Sequence[dict[str, Any]]) -> None:
-        """Replace the stored decisions by these; returns at once."""
-        rows = [(found["rule"], json.dumps(found)) for found in decisions]
-        self._writer.submit(self._write, "latches", "VALUES (?, ?)", rows)
+        """Replace the stored decisions by these; returns at once. While the file cannot be written, as on a
+        full disk, it is tried again."""
+        self._replace("latches", "(?, ?)", [(found["rule"], json.dumps(found)) for found in decisions])
 
     def save_lowered(self, fraction: float | None) -> None:
-        """Replace the stored fraction by this one; returns at once."""
-        rows = [] if fraction is None else [(fraction,)]
-        self._writer.submit(self._write, "lowered", "VALUES (?)", rows)
+        """Replace the stored fraction by this one, as `save` does."""
+        self._replace("lowered", "(?)", [] if fraction is None else [(fraction,)])
 
     def close(self) -> None:
-        """Wait until everything is written."""
-        self._writer.shutdown()
+        """Wait until everything is written, or cannot be."""
+        with self._news:
+            self._closing = True
+            self._news.notify()
+        self._writer.join()
 
-    def _write(self, table: str, values: str, rows: Sequence[tuple[Any, ...]]) -> None:
+    def _replace(self, table: str, row: str, rows: list[tuple[Any, ...]]) -> None:
+        with self._news:
+            self._unsaved[table] = row, rows
+            self._news.notify()
+
+    def _run(self) -> None:
+        """Main loop of the thread that writes."""
+        while True:
+            with self._news:
+                self._news.wait_for(lambda: self._unsaved or self._closing)
+                taken, self._unsaved = self._unsaved, {}
+                closing = self._closing
+            left = {table: what for table, what in taken.items() if not self._write(table, *what)}
+            with self._news:
+                self._unsaved = {**left, **self._unsaved}  # what has come meanwhile is newer
+                if closing:
+                    return
+                if left:
+                    self._news.wait_for(lambda: self._closing, _AGAIN)
+
+    def _write(self, table: str, row: str, rows: list[tuple[Any, ...]]) -> bool:
+        """Replace the rows of a table; returns False if that is not possible now."""
         database = self._journal.database
         with self._journal.lock:
             try:
                 database.execute("BEGIN")
                 database.execute(f"DELETE FROM {table}")
-                database.executemany(f"INSERT OR REPLACE INTO {table} {values}", rows)
+                database.executemany(f"INSERT OR REPLACE INTO {table} VALUES {row}", rows)
                 database.execute("COMMIT")
             except sqlite3.Error as error:
                 if database.in_transaction:
                     database.execute("ROLLBACK")
-                log.error("the state of the reactions cannot be written to the journal: %s", error)
+                if not self._failing:
+                    log.error(
+                        "the state of the reactions cannot be written to the journal, and is tried again: %s",
+                        error,
+                    )
+                self._failing = True
+                return False
+        if self._failing:
+            log.info("the state of the reactions is in the journal again")
+        self._failing = False
+        return True

@@ -10,6 +10,7 @@ from contactsense.service.events.journal import Journal, JournalSettings
 from contactsense.service.reactions.reaction_store import ReactionStore
 from contactsense.service.reactions.rules import ReactionRules
 from contactsense.service.reactions.state import Reactions
+from tests.service.loopback import until
 
 RULES = ReactionRules.model_validate(
     {
@@ -61,6 +62,40 @@ def test_it_is_in_the_file_at_once(tmp_path: Path) -> None:
         with sqlite3.connect(path) as other:  # as after a kill: nothing has been closed in order
             assert other.execute("SELECT rule FROM latches").fetchall() == [("arm",)]
         other.close()
+
+
+def test_what_a_full_disk_does_not_take_is_written_when_it_has_space(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A kill would lose the collision that is latched now, and bring an older one back."""
+    monkeypatch.setattr("contactsense.service.reactions.reaction_store._AGAIN", 0.02)
+    with Journal(JournalSettings(path=tmp_path / "events.db")) as journal:
+        store = ReactionStore(journal)
+        store.save([latch("old")])
+        assert until(lambda: store.load() == [latch("old")])
+        with journal.lock:
+            journal.database.execute("PRAGMA query_only = ON")  # refuses every write, as a full disk
+        store.save([latch("lost")])
+        store.save_lowered(0.1)
+        assert until(lambda: "cannot be written" in caplog.text)
+        store.save([latch("new")])
+        assert store.load() == [latch("old")]
+        with journal.lock:
+            journal.database.execute("PRAGMA query_only = OFF")
+        assert until(lambda: store.load() == [latch("new")])
+        assert until(lambda: store.load_lowered() == 0.1)
+        store.close()
+    assert caplog.text.count("cannot be written") == 1
+
+
+def test_the_end_does_not_wait_for_a_full_disk(tmp_path: Path) -> None:
+    with Journal(JournalSettings(path=tmp_path / "events.db")) as journal:
+        store = ReactionStore(journal)
+        with journal.lock:
+            journal.database.execute("PRAGMA query_only = ON")
+        store.save([latch()])
+        store.close()
+        assert store.load() == []
 
 
 def test_the_next_service_knows_that_the_slider_is_lowered(tmp_path: Path) -> None:
