@@ -177,7 +177,7 @@ class Service:
         if self.clips.recording.trouble:
             found.append(self.clips.recording.trouble)
         if self.journal.error:
-            found.append(f"{self.journal.error}: events are in memory only; is the disk full?")
+            found.append(self.journal.error)
         if self.webhooks.error:
             found.append(self.webhooks.error)
         return found

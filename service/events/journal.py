@@ -7,6 +7,7 @@ number is used twice after a crash, and a reader that asks for the events after 
 misses none.
 """
 
+import os
 import sqlite3
 import threading
 import time
@@ -110,9 +111,10 @@ class Journal:
             self._database.execute("PRAGMA synchronous=NORMAL")
             self._database.execute(f"PRAGMA journal_size_limit={_WAL_SIZE}")
             self._database.executescript(_SCHEMA)
+            self._file = None if place is None else place.stat()
             self._last = self._reserved = self._first = self._read_last()
             self._reserve(self._last + _BLOCK)
-        except sqlite3.Error as error:
+        except (sqlite3.Error, OSError) as error:
             self._database.close()
             self._release()
             raise JournalError(f"{refused}: {error}") from None
@@ -124,7 +126,7 @@ class Journal:
         self._subscribers: list[Callable[[ContactEvent], None]] = []
         self._closing = threading.Event()
         self.error = ""
-        """Why the last commit failed; empty if it succeeded."""
+        """What is wrong, such as why the last commit failed, and what follows; empty if nothing is."""
         self._writer = threading.Thread(target=self._write, name="event journal", daemon=True)
         self._writer.start()
 
@@ -203,12 +205,12 @@ class Journal:
                 self._database.executemany("INSERT INTO events VALUES (?, ?, ?, ?)", stored)
                 self._database.execute("COMMIT")
             except sqlite3.Error as error:  # such as a full disk: keep the events and try again
-                self.error = f"the journal cannot be written: {error}"
+                self.error = _cannot_write(error)
                 if self._database.in_transaction:
                     self._database.execute("ROLLBACK")
                 self._forget_oldest()
                 return
-            self.error = ""
+            self.error = self._is_elsewhere()
             with self._numbering:
                 for _ in rows:
                     self._waiting.popleft()
@@ -285,7 +287,7 @@ class Journal:
             self._database.execute("INSERT OR REPLACE INTO numbers VALUES ('reserved', ?)", (upto,))
             self._reserved = upto
         except sqlite3.Error as error:
-            self.error = f"the journal cannot be written: {error}"
+            self.error = _cannot_write(error)
 
     def _write(self) -> None:
         prune_at = time.monotonic() + _PRUNE_EVERY
@@ -296,4 +298,24 @@ class Journal:
                 try:
                     self.prune()
                 except sqlite3.Error as error:
-                    self.error = f"the journal cannot be pruned: {error}"
+                    self.error = f"old events cannot be removed from the journal: {error}"
+            if not self.error:
+                self.error = self._is_elsewhere()
+
+    def _is_elsewhere(self) -> str:
+        """What is wrong if somebody has removed, moved or replaced the file: what is written goes to one
+        without a name, and the next service does not find it."""
+        place = self._settings.path
+        if place is None or self._file is None:
+            return ""
+        with suppress(OSError):
+            if os.path.samestat(place.stat(), self._file):
+                return ""
+        return (
+            f"{place} has been removed, moved or replaced: events, latched collisions and waiting webhooks "
+            "are lost when the service ends; start it again"
+        )
+
+
+def _cannot_write(error: Exception) -> str:
+    return f"the journal cannot be written: {error}: events are in memory only; is the disk full?"

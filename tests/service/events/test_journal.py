@@ -185,3 +185,23 @@ def test_a_journal_that_cannot_be_written_keeps_what_waits(tmp_path: Path) -> No
         other.close()
         assert until(lambda: not journal.error)
         assert contacts(journal.since(begin)) == [1]
+
+
+def test_a_file_that_is_removed_or_replaced_is_told(tmp_path: Path) -> None:
+    """Everything goes on as before, and nothing of it is there after the next start."""
+    path = tmp_path / "j.db"
+    with Journal(JournalSettings(path=path)) as journal:
+        journal.append(event(1))
+        journal.flush()
+        assert not journal.error
+        path.rename(tmp_path / "archive.db")
+        assert until(lambda: "j.db has been removed, moved or replaced" in journal.error)  # without an event
+        path.write_bytes(b"")
+        journal.append(event(2))
+        journal.flush()
+        assert "j.db has been removed, moved or replaced" in journal.error
+        path.unlink()
+        (tmp_path / "archive.db").rename(path)
+        journal.append(event(3))
+        journal.flush()
+        assert not journal.error
