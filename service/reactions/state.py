@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict
 
 from contactsense.scene import Scene
 from contactsense.service.events.model import ContactEvent
+from contactsense.service.reactions.actions.registers import RegistersAction
 from contactsense.service.reactions.actions.speed_slider import SpeedSliderAction
 from contactsense.service.reactions.actions.webhook import WebhookAction
 from contactsense.service.reactions.explain import explain, explain_actions
@@ -87,6 +88,7 @@ class Reactions:
         self._kept = kept
         self._robot_host, self._robot_port, self._send = robot_host, robot_port, send
         self.rules: ReactionRules | None = None
+        self._host: str | None = None
         self._report: dict[str, Any] = {"active": [], "expected": [], "actions": {}}
         self._latched: list[dict[str, Any]] = []
         self._lowered: float | None = None
@@ -117,7 +119,15 @@ class Reactions:
             log.warning("reactions: there are no rules any more: nothing reacts to contacts")
         if rules is not None and rules.robot.host is None and rules.robot.rtde_port is None:
             rules = rules.model_copy(update={"robot": RobotAddress(rtde_port=self._robot_port)})
+        before = self._registers
         self.rules, self._host = rules, host
+        left = [name for where, name in before if (where, name) not in self._registers]
+        if left:
+            log.warning(
+                "reactions: %s: not written any more; they keep their last values until the controller is "
+                "started again or somebody else writes them",
+                ", ".join(left),
+            )
         if rules is not None:
             for text in (*rules.missing, *(() if self._kept else rules.without_journal)):
                 log.warning("reactions: %s", text)
@@ -163,6 +173,15 @@ class Reactions:
         if self.rules is None:
             return None
         return partial(make_listener, rules=self.rules, host=self._host)
+
+    @property
+    def _registers(self) -> list[tuple[tuple[str | None, int | None], str]]:
+        """The registers that are written: the controller's address and port, and the RTDE field."""
+        if self.rules is None:
+            return []
+        where = self._host, self.rules.robot.rtde_port
+        actions = self.rules.actions.values()
+        return [(where, n) for a in actions if isinstance(a, RegistersAction) for n in a.names]
 
     @property
     def _slider(self) -> SpeedSliderAction | None:

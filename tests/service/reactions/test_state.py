@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from contactsense.service.reactions.actions.registers import RegistersAction
 from contactsense.service.reactions.actions.speed_slider import SpeedSliderAction
 from contactsense.service.reactions.rules import ReactionRules
 from contactsense.service.reactions.state import Reactions
@@ -79,6 +80,25 @@ def test_the_registers_are_those_of_the_controller_that_sends_the_samples(
     reactions = Reactions(rules, "192.0.2.1", lambda _: True, 30104)
     assert reactions.rules is not None
     assert reactions.rules.robot.rtde_port == port
+
+
+def test_registers_that_a_reload_leaves_with_their_last_values_are_named(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """A robot program that still reads them sees a collision that nobody ends."""
+
+    def rules(**numbers: int) -> ReactionRules:
+        tell = RegistersAction(type="registers", **numbers)  # type: ignore[arg-type]
+        return RULES.model_copy(update={"actions": {"tell": tell}})
+
+    reactions = Reactions(rules(), "192.0.2.1", lambda command: True)
+    reactions.replace(rules(period=1))
+    assert "not written any more" not in caplog.text
+    reactions.replace(rules(code=46, collision=70))
+    assert "input_int_register_47, input_bit_register_66: not written any more" in caplog.text
+    caplog.clear()
+    reactions.replace(RULES)
+    assert "input_int_register_46, input_double_register_47, input_bit_register_64" in caplog.text
 
 
 def test_rules_that_vanish_are_reported(caplog: pytest.LogCaptureFixture) -> None:
