@@ -381,13 +381,13 @@ class Runner:
             )
         )
         status, reasons = found
-        message = "; ".join(reasons)
         if status != self._last_status:
             self._last_status = status
             self.since = datetime.now(UTC)
-        if self._status_log.is_news(status, message, time.monotonic()):
+        news = self._status_log.news(status, reasons, time.monotonic())
+        if news:
             level = logging.INFO if status in ("ok", "starting", "idle") else logging.WARNING
-            log.log(level, "%s: %s", status, message)
+            log.log(level, "%s: %s", status, news)
         return found
 
 
