@@ -79,8 +79,8 @@ class SignalColumns:
         """All columns that are read."""
 
     def _torque_columns(self) -> tuple[list[str], TorqueMap | None]:
-        """Columns that contain the torque signals, and their conversion; None if they are joint torques
-        [Nm]."""
+        """Columns that contain the torque signals, and their conversion; None if they are joint torques of
+        the scene [Nm]."""
         sensor, names, n = self._scene.joint_torque, self._table.names, self._joints
         if sensor is None:
             return [], None
@@ -90,8 +90,7 @@ class SignalColumns:
         has_own = all(name in names for name in own)
         raw_first = sensor.fields is not None or is_raw(self._table.meta)
         if has_own and not raw_first:
-            self._note_other_torques()
-            return own, None
+            return own, self._of_this_scene(own)
         try:
             source = TorqueMap.of(self._scene)
         except SensorError as error:
@@ -102,29 +101,33 @@ class SignalColumns:
         columns = [column for name in source.names for column in self._columns_of(name, source)]
         if any(column not in names for column in columns):
             if has_own:  # converted before
-                self._note_other_torques()
-                return own, None
+                return own, self._of_this_scene(own)
             message = f"no {own[0]} ... nor {columns[0]} ... ({sensor.signal}): joint torques are not used"
             message += self._other_signal()
             self.absent.append(Problem(0, 0, "missing_sensor", message))
             return [], None
         return columns, source
 
-    def _note_other_torques(self) -> None:
-        """Note joint torques that were converted by a scene with another signal, sign or constants."""
+    def _of_this_scene(self, own: list[str]) -> TorqueMap | None:
+        """Conversion of joint torques that a scene with another sign or other constants has made; None if
+        there is nothing to convert. Those of another signal are noted: they have other contents."""
         recorded = recorded_scene(self._table.meta)
         if recorded is None:
-            return
+            return None
         try:
             before, now = TorqueMap.of(recorded), TorqueMap.of(self._scene)
         except SensorError:
-            return
-        if before is not None and now is not None and not before.is_as(now):
-            message = (
-                "joint torques are those of the scene in the file: its joint_torque.signal, sign and "
-                "torque_constants are not those of this scene, which have no effect"
-            )
-            self.absent.append(Problem(0, 0, "other_torques", message))
+            return None
+        if before is None or now is None or before.is_as(now):
+            return None
+        if before.names == now.names:
+            return TorqueMap(tuple(own), (), now.scale / before.scale)
+        message = (
+            "joint torques are those of the scene in the file: its joint_torque.signal is not that of this "
+            "scene, which has no effect"
+        )
+        self.absent.append(Problem(0, 0, "other_torques", message))
+        return None
 
     def _other_signal(self) -> str:
         """Advice where the file has another torque signal than the scene states."""

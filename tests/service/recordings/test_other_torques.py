@@ -58,19 +58,27 @@ def test_a_signal_that_was_not_recorded_is_told(tmp_path: Path) -> None:
     assert str(problem).startswith("joint torques are those of the scene in the file")
 
 
-def test_torques_of_the_service_are_told_to_be_those_of_another_scene(tmp_path: Path) -> None:
-    """Its recordings and clips have no currents."""
+def test_torques_of_the_service_are_converted_to_the_given_scene(tmp_path: Path) -> None:
+    """Its recordings and clips have no currents. `calibrate` multiplies the constants of its scene: with
+    torques of other constants it would find wrong ones."""
     own = columns(N)
     writer = SegmentWriter(tmp_path, "service", tuple(own), metadata(scene_of(), table="service"))
     for row in zip(*own.values(), strict=True):
         writer.add(row)
     (path,) = writer.close()
-    assert not read(path).problems
-    for changes in ({"sign": "on_arm"}, {"torque_constants": tuple(2.0 * CONSTANTS)}):
+    factors = np.array([2.0, 1.0, 0.5, 1.0, 1.0, 4.0])
+    for changes, factor in (
+        ({}, np.ones(6)),
+        ({"noise": 2.0}, np.ones(6)),
+        ({"sign": "on_arm"}, -np.ones(6)),
+        ({"torque_constants": tuple(factors * CONSTANTS)}, factors),
+    ):
         found = read(path, scene_of(**changes))
-        np.testing.assert_array_equal(found.joint_torque, table(own, "joint_torque"))
-        assert [problem.kind for problem in found.problems] == ["other_torques"]
-    assert not read(path, scene_of(noise=2.0)).problems
+        np.testing.assert_allclose(found.joint_torque, factor * table(own, "joint_torque"), rtol=1e-12)
+        assert not found.problems
+    found = read(path, scene_of(signal="actual_current_as_torque"))
+    np.testing.assert_array_equal(found.joint_torque, table(own, "joint_torque"))
+    assert [problem.kind for problem in found.problems] == ["other_torques"]
 
 
 def test_columns_of_any_other_file_are_torques_whatever_the_scene_says(tmp_path: Path) -> None:
