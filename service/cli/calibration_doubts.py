@@ -2,6 +2,7 @@
 the scene is wrong."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -13,6 +14,7 @@ from contactsense.scene import Scene
 from contactsense.sensors.arm_limits import in_this_arm, within_the_joints
 from contactsense.sensors.field_checks import carried_by
 from contactsense.service.scene.load_warnings import load_warnings, tensor_warnings
+from contactsense.service.sensors.signal_mapping import TorqueMap
 from contactsense.setup_check import CheckError, Line, check
 
 ESTIMATED: tuple[Line, ...] = (
@@ -39,7 +41,7 @@ def doubts(found: Calibration, scene: Scene, recordings: list[FreeMotion]) -> tu
     named: set[str] = set()
     for checked, corrected in ((scene, estimated), (found.scene, ())):
         try:
-            result = check(checked, free)
+            result = check(checked, [_as_read_with(checked, scene, part) for part in free])
         except (CheckError, ValueError):  # such as too short a motion: nothing is known
             continue
         wrong = [
@@ -50,6 +52,14 @@ def doubts(found: Calibration, scene: Scene, recordings: list[FreeMotion]) -> tu
             reasons.append(f"{text} ({item.remark})" if item.remark else text)
         named.update(item.line for item in wrong)
     return tuple(dict.fromkeys(reasons))
+
+
+def _as_read_with(scene: Scene, former: Scene, part: FreeMotion) -> FreeMotion:
+    """A recording that was read with the `former` scene, with joint torques by the constants of `scene`."""
+    now, before = TorqueMap.of(scene), TorqueMap.of(former)
+    if part.torque is None or now is None or before is None or now.is_as(before):
+        return part
+    return replace(part, torque=part.torque * (now.scale / before.scale))
 
 
 def _impossible(found: Calibration) -> list[str]:
