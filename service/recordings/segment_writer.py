@@ -8,6 +8,7 @@ writer are converted to Parquet at the next start; those of a writer that still 
 alone.
 """
 
+import errno
 import os
 import time
 from collections import deque
@@ -115,7 +116,7 @@ class SegmentWriter:
         Does not wait for the disk, unless it has fallen far behind.
 
         Raises:
-            RecordingError: An earlier row could not be written: the disk is full, or the folder is gone.
+            RecordingError: An earlier row could not be written: the disk is full, or folder or file are gone.
         """
         self._rows[self._filled] = row
         self._filled += 1
@@ -176,6 +177,8 @@ class SegmentWriter:
         arrays = [pa.array(np.ascontiguousarray(column)) for column in rows.T]
         self._stream.write_batch(pa.record_batch(arrays, schema=self._schema))
         self._sink.flush()
+        if not self._path.exists():  # writing to a file without a name succeeds
+            raise FileNotFoundError(errno.ENOENT, "somebody has removed or moved it")
         self._bytes += rows.nbytes
         if (
             self._bytes >= 1e6 * self._rotation.megabytes

@@ -110,3 +110,24 @@ def test_a_flood_of_requests_for_clips_is_bounded(tmp_path: Path, monkeypatch: p
         (number, "3 clips are being recorded already") for number in (3, 4)
     ]
     listener.close()
+
+
+def test_a_recording_whose_file_is_removed_goes_on_in_another_one(tmp_path: Path) -> None:
+    listener = listener_of(tmp_path)
+    listener.command({"type": "record", "on": True})
+
+    def record(first: int) -> list[dict[str, object]]:
+        for i in range(first, first + 250):
+            listener.receive(sample(i), estimate(i))
+        found: list[dict[str, object]] = []
+        assert until(lambda: found.extend(reports(listener, "recording")) or found)  # type: ignore[func-returns-value]
+        return found
+
+    assert record(0)[-1]["error"] == ""
+    (path,) = tmp_path.glob("service-*.arrows")
+    path.unlink()
+    assert "somebody has removed or moved it" in str(record(250)[-1]["error"])
+    assert record(500)[-1]["error"] == ""
+    listener.close()
+    (path,) = tmp_path.glob("service-*.parquet")
+    assert len(read(path).t) == 250

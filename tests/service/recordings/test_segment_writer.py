@@ -233,6 +233,20 @@ def test_a_full_disk_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
         record()
 
 
+def test_a_segment_that_is_removed_while_it_is_written_is_reported_at_once(tmp_path: Path) -> None:
+    """Writing to it goes on without an error, and its ten minutes would be lost without a word."""
+    writer = SegmentWriter(tmp_path, "a", NAMES, {}, flush_seconds=0.0)
+    writer.add((0.0, 0.0))
+    writer.flush()
+    (path,) = tmp_path.glob("*.arrows")
+    path.unlink()
+    writer.add((1.0, 1.0))
+    with pytest.raises(RecordingError, match=r"\.arrows: cannot write: somebody has removed or moved it"):
+        writer.flush()
+    with pytest.raises(RecordingError):
+        writer.close()
+
+
 def test_a_segment_that_cannot_become_parquet_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
