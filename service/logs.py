@@ -4,8 +4,10 @@ import json
 import logging
 import logging.handlers
 import sys
+import tempfile
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Literal
 
@@ -63,6 +65,19 @@ class FloodFilter(logging.Filter):
         return count < _BURST
 
 
+class LogFile(logging.handlers.RotatingFileHandler):
+    """A log file of bounded size. What it does not take, as on a full disk, goes to stderr."""
+
+    def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802
+        """Write one line to stderr, not the traceback of the file."""
+        error = sys.exc_info()[1]
+        if not isinstance(error, OSError):
+            super().handleError(record)
+            return
+        with suppress(OSError, ValueError):
+            sys.stderr.write(f"{self.format(record)} [not in {self.baseFilename}: {error.strerror}]\n")
+
+
 def configure(level: Level = "info", form: Format = "text", path: Path | None = None) -> None:
     """Set up logging for the whole process.
 
@@ -72,13 +87,14 @@ def configure(level: Level = "info", form: Format = "text", path: Path | None = 
         path: File to write to, rotated when it is full; None: stderr.
 
     Raises:
-        OSError: The file cannot be written.
+        OSError: The file cannot be written, or nothing else in its folder.
     """
-    handler: logging.Handler = (
-        logging.StreamHandler(sys.stderr)
-        if path is None
-        else logging.handlers.RotatingFileHandler(path, maxBytes=FILE_SIZE, backupCount=FILES)
-    )
+    if path is None:
+        handler: logging.Handler = logging.StreamHandler(sys.stderr)
+    else:
+        if path.is_file() or not path.exists():  # a device is not rotated
+            _check_folder(path.parent)
+        handler = LogFile(path, maxBytes=FILE_SIZE, backupCount=FILES)
     handler.setFormatter(
         JsonFormatter()
         if form == "json"
@@ -86,3 +102,15 @@ def configure(level: Level = "info", form: Format = "text", path: Path | None = 
     )
     handler.addFilter(FloodFilter())
     logging.basicConfig(level=level.upper(), handlers=[handler], force=True)
+
+
+def _check_folder(folder: Path) -> None:
+    """Check that a full file can be rotated: else the log would end with it, months later."""
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        text = (
+            f"expected a folder in which files can be made, as those that are full are kept: {error.strerror}"
+        )
+        raise OSError(error.errno, text) from None

@@ -126,7 +126,7 @@ def serve(**options: Any) -> int:
                 groups.setdefault(group, dict(inherited.get(group, {})))[field] = given.pop(option)
         settings = Settings.checked({**inherited, **given, **groups}, "serve", as_options(GROUPED))
         check_exposure(settings)
-        logs.configure(settings.log_level, settings.log_format, settings.log_file)
+        _configure_log(settings)
         app = create_app(settings, on_loading=bar.update)
         scene, log = app.state.service.scene, logging.getLogger("contactsense")
         for warning in scene_warnings(scene):
@@ -136,8 +136,6 @@ def serve(**options: Any) -> int:
             log.warning("%s", line)
     except SettingsError as error:
         raise refusal(error) from None
-    except OSError as error:
-        raise click.ClickException(f"--log-file: {settings.log_file}: {error.strerror}") from None
     try:
         listener = listen(settings.host, settings.port)
     except OSError as error:
@@ -160,6 +158,13 @@ def serve(**options: Any) -> int:
         with contextlib.suppress(KeyboardInterrupt):
             _Server(config).run([listener])
     return 0
+
+
+def _configure_log(settings: Settings) -> None:
+    try:
+        logs.configure(settings.log_level, settings.log_format, settings.log_file)
+    except OSError as error:
+        raise click.ClickException(f"--log-file: {settings.log_file}: {error.strerror}") from None
 
 
 def _server_config(app: FastAPI, settings: Settings) -> uvicorn.Config:

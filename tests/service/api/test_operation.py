@@ -1,10 +1,13 @@
 """Readiness, metrics, reload, logs."""
 
 import asyncio
+import errno
 import importlib.metadata
 import json
 import logging
 import logging.handlers
+import os
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -201,6 +204,43 @@ def test_the_log_as_json_in_a_file_of_bounded_size(tmp_path: Path, monkeypatch: 
         exec(compile(f"\n{kind * chr(10)}log.warning('x' * 50)", "place", "exec"))
     assert path.stat().st_size <= 2000
     assert len(list(tmp_path.iterdir())) <= 1 + logs.FILES
+
+
+@pytest.mark.usefixtures("_restored")
+def test_a_log_file_that_cannot_be_rotated_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As in /var/log, where a service may write its own file and nothing else: at 10 MB the log ended."""
+    path = tmp_path / "log"
+    path.write_text("")
+
+    def refuse(**_: object) -> None:
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    monkeypatch.setattr(tempfile, "TemporaryFile", refuse)
+    with pytest.raises(PermissionError, match=r"in which files can be made, .*: Permission denied"):
+        logs.configure(path=path)
+    logs.configure(path=Path(os.devnull))  # is never rotated
+
+
+@pytest.mark.usefixtures("_restored")
+def test_what_the_log_file_does_not_take_is_one_line_on_stderr(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    logs.configure(path=tmp_path / "log")
+    log, full = logging.getLogger("contactsense"), OSError(errno.ENOSPC, "No space left on device")
+
+    def flush(_: object) -> None:
+        raise full
+
+    with monkeypatch.context() as disk:
+        disk.setattr(logs.LogFile, "flush", flush)
+        log.warning("the journal %s", "fails")
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "WARNING contactsense: the journal fails [not in " in line
+    assert line.endswith("log: No space left on device]")
+    log.warning("there is space again")
+    assert "there is space again" in (tmp_path / "log").read_text()
 
 
 def test_what_was_left_out_is_counted() -> None:
