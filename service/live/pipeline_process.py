@@ -40,7 +40,8 @@ from contactsense.service.live.step_times import StepTimes
 from contactsense.service.process_argument import receive
 from contactsense.service.sensors import source_health
 from contactsense.service.sensors.netft_client import WrenchHealth
-from contactsense.service.sensors.robot_stream import StreamHealth
+from contactsense.service.sensors.robot_stream import SensorError, StreamHealth
+from contactsense.service.wire.recipe import RtdeFieldError
 from contactsense.stream_localizer import kernels_of
 
 HEARTBEAT = 0.25
@@ -117,8 +118,12 @@ def work(
         except (BrokenPipeError, ConnectionResetError):
             raise
         except Exception as error:
-            traceback.print_exc()
-            outbox.post(LAST_WORDS, 0.0, f"{type(error).__name__}: {error}".encode())
+            text = str(error)
+            # A controller that lacks a field may lack it for weeks, in each process that is started.
+            if not isinstance(error, SensorError | RtdeFieldError):
+                traceback.print_exc()
+                text = f"{type(error).__name__}: {text}"
+            outbox.post(LAST_WORDS, 0.0, text.encode())
             outbox.finish(_FAREWELL)
             sys.exit(1)
 

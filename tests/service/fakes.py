@@ -8,6 +8,7 @@ import numpy as np
 from contactsense import Sample, Scene
 from contactsense.service.sensors.robot_stream import State, StreamHealth
 from contactsense.service.sensors.source_health import SourceHealth
+from contactsense.service.wire.recipe import RtdeFieldError
 
 _FREE = 650
 """Samples of the free arm; 1 s of it ends the doubt."""
@@ -118,10 +119,18 @@ class Broken(Steady):
 class Overflowing(Steady):
     """Raises after more estimates than the connection holds at once."""
 
+    why: Exception = ValueError("no such field")
+
     def poll(self, timeout: float) -> list[Sample]:
         if self._count:
-            raise ValueError("no such field")
+            raise self.why
         return super().poll(timeout)
+
+
+class OlderController(Overflowing):
+    """Lacks a field."""
+
+    why = RtdeFieldError(["actual_current_as_torque"])
 
 
 class Hasty(Steady):

@@ -282,9 +282,19 @@ def test_a_refused_command_is_told_by_health() -> None:
 
 
 @pytest.mark.slow
-def test_last_words_behind_a_backlog_are_sent(capfd: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize(
+    ("source", "said", "traceback"),
+    [
+        (fakes.Overflowing, b"ValueError: no such field", True),
+        # Told as long as it lasts, each time that the process is started again.
+        (fakes.OlderController, b"the controller does not know actual_current_as_torque", False),
+    ],
+)
+def test_last_words_behind_a_backlog_are_sent(
+    source: type[fakes.Steady], said: bytes, traceback: bool, capfd: pytest.CaptureFixture[str]
+) -> None:
     ours, theirs = socket.socketpair()
-    process = multiprocessing.get_context("spawn").Process(target=work, args=(theirs, fakes.Overflowing))
+    process = multiprocessing.get_context("spawn").Process(target=work, args=(theirs, source))
     with ours:
         with theirs:
             process.start()
@@ -296,9 +306,9 @@ def test_last_words_behind_a_backlog_are_sent(capfd: pytest.CaptureFixture[str])
             data += chunk
     process.join()
     kind, _, text = messages_in(data)[-1]
-    assert (kind, text) == (LAST_WORDS, b"ValueError: no such field")
+    assert (kind, text) == (LAST_WORDS, said)
     assert process.exitcode == 1
-    capfd.readouterr()
+    assert ("Traceback" in capfd.readouterr().err) == traceback
 
 
 def test_a_service_that_does_not_read_holds_up_no_end() -> None:
