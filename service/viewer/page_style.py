@@ -1,4 +1,5 @@
-"""What the viewer adds to viser's page: dark where the reader's system is dark, contrast, room on a phone.
+"""What the viewer adds to viser's page: dark where the reader's system is dark, contrast, room on a phone,
+names of all controls for screen readers.
 
 viser has a dark page, which the address `?darkMode` asks for, but does not ask the browser for its reader's
 choice, and it has no place for a style sheet but an element of the panel. The event `load` of a `style`
@@ -19,6 +20,22 @@ const follow = () => {
 document.title = 'contactsense';
 if (dark.matches) follow();
 dark.addEventListener('change', follow);
+// viser names the first control of a row only, and no slider.
+const name = () => {
+  for (const label of document.querySelectorAll('p > label[for]')) {
+    const row = label.parentElement.parentElement.parentElement;
+    const controls = row.querySelectorAll('[role="slider"], input:not([type="hidden"])');
+    controls.forEach((control, i) => {
+      if (controls.length === 1 && control.labels?.length) return;
+      const axis = controls.length === 3 ? ' ' + 'xyz'[i] : '';
+      control.setAttribute('aria-label', label.textContent + axis);
+    });
+  }
+};
+let waiting;
+const later = () => { waiting ??= setTimeout(() => { waiting = undefined; name(); }, 200); };
+new MutationObserver(later).observe(document.body, { childList: true, subtree: true });
+later();
 """
 _STYLE = """
 :root[data-mantine-color-scheme="light"] { --mantine-color-dimmed: #56606a; }

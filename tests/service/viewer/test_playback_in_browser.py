@@ -65,6 +65,19 @@ def test_the_list_of_contacts_asks_to_choose_one(page: Page) -> None:
     assert "choose one" in values
 
 
+def test_every_control_has_a_name_for_screen_readers(page: Page) -> None:
+    """viser names only the first control of a row, and no slider."""
+    controls = "[...document.querySelectorAll('[role=slider], input[type=text]')]"
+    names = f"{controls}.map((one) => one.ariaLabel || one.labels?.[0]?.textContent || '')"
+    end = time.monotonic() + PATIENCE
+    while "" in (found := page.evaluate(names)):
+        assert time.monotonic() < end, found
+        time.sleep(0.5)
+    assert found.count("Time, s") == 2  # the slider, and the number beside it
+    bases = [name for name in found if name.startswith("Base")]
+    assert bases == ["Base, deg x", "Base, deg y", "Base, deg z"]
+
+
 def test_it_plays_to_its_end(page: Page) -> None:
     assert at(page) == 0.0
     assert "is touched" not in page.text()
