@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
+from uvicorn.protocols.utils import ClientDisconnected
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
 
@@ -208,7 +209,15 @@ class LimitedWebSocket(_Guard, WebSocketsSansIOProtocol):
 
     async def send(self, message: Any) -> None:
         """Send a message. A refusal, once complete, is all that there will be: uvicorn would log each as an
-        error of the application."""
+        error of the application.
+
+        Raises:
+            ClientDisconnected: The connection is lost. asyncio tells that only when it has its turn, and
+                would log each message that is written before: those that wait for a reader are many.
+        """
+        await self.writable.wait()
+        if message["type"] == "websocket.send" and self.transport.is_closing():
+            raise ClientDisconnected
         await super().send(message)
         if message["type"] == "websocket.http.response.body" and not message.get("more_body"):
             self.handshake_complete = True
