@@ -8,6 +8,7 @@ misses none.
 """
 
 import os
+import shutil
 import sqlite3
 import threading
 import time
@@ -33,6 +34,8 @@ _MOST_WAITING = 10_000
 """Events that wait in memory while the file cannot be written; beyond it the oldest are lost."""
 _VACUUM_PAGES = 2000
 """Pages that are given back to the file system at a time: 8 MB. Nothing else can use the file meanwhile."""
+_LEAST_SPACE = 100_000
+"""Space on the disk that opening the file takes, with what is beside it [bytes]."""
 _WAL_SIZE = 16_000_000
 """Size to which the write-ahead log is cut after a large change [bytes]."""
 _SCHEMA = """
@@ -117,7 +120,7 @@ class Journal:
         except (sqlite3.Error, OSError) as error:
             self._database.close()
             self._release()
-            raise JournalError(f"{refused}: {error}") from None
+            raise JournalError(f"{refused}: {_full(place) or error}") from None
         self.lock = threading.RLock()
         """Must be held while `database` is used, which may take a while; appending does not need it."""
         self._numbering = threading.Lock()
@@ -315,6 +318,15 @@ class Journal:
             f"{place} has been removed, moved or replaced: events, latched collisions and waiting webhooks "
             "are lost when the service ends; start it again"
         )
+
+
+def _full(place: Path | None) -> str:
+    """What is wrong if the file's disk is full, for which SQLite has other words, such as "disk I/O error";
+    empty if it is not."""
+    with suppress(OSError):
+        if place is not None and shutil.disk_usage(place.parent).free < _LEAST_SPACE:
+            return "the disk is full"
+    return ""
 
 
 def _cannot_write(error: Exception) -> str:

@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import shutil
 import signal
 import sqlite3
 import subprocess
@@ -10,6 +11,7 @@ import threading
 import time
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -166,6 +168,15 @@ def test_a_file_that_is_no_database_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "j.db"
     path.write_text("something else" * 100)
     with pytest.raises(JournalError, match=r"j\.db: cannot be used as a journal of events"):
+        Journal(JournalSettings(path=path))
+
+
+def test_a_full_disk_is_named_at_the_start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """SQLite says "disk I/O error"."""
+    path = tmp_path / "j.db"
+    path.write_text("something else" * 100)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=4096))
+    with pytest.raises(JournalError, match=r"j\.db: cannot be used as a journal of events: the disk is full"):
         Journal(JournalSettings(path=path))
 
 
