@@ -222,6 +222,14 @@ class LimitedWebSocket(_Guard, WebSocketsSansIOProtocol):
         if message["type"] == "websocket.http.response.body" and not message.get("more_body"):
             self.handshake_complete = True
 
+    def shutdown(self) -> None:
+        """The service ends. A client that reads nothing takes no farewell, either, and would hold up the
+        end."""
+        if self._stalled is None:
+            super().shutdown()
+        else:
+            self.transport.abort()
+
     def pause_writing(self) -> None:
         """The client reads nothing."""
         self._stall()
