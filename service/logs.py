@@ -74,8 +74,11 @@ class LogFile(logging.handlers.RotatingFileHandler):
         if not isinstance(error, OSError):
             super().handleError(record)
             return
+        # Part of the message, so that a line of JSON stays one.
+        record.msg = f"{record.getMessage()} [not in {self.baseFilename}: {error.strerror}]"
+        record.args = ()
         with suppress(OSError, ValueError):
-            sys.stderr.write(f"{self.format(record)} [not in {self.baseFilename}: {error.strerror}]\n")
+            sys.stderr.write(f"{self.format(record)}\n")
 
 
 def configure(level: Level = "info", form: Format = "text", path: Path | None = None) -> None:

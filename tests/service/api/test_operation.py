@@ -239,6 +239,12 @@ def test_what_the_log_file_does_not_take_is_one_line_on_stderr(
     (line,) = capsys.readouterr().err.splitlines()
     assert "WARNING contactsense: the journal fails [not in " in line
     assert line.endswith("log: No space left on device]")
+    logs.configure(form="json", path=tmp_path / "json")
+    with monkeypatch.context() as disk:
+        disk.setattr(logs.LogFile, "flush", flush)
+        log.warning("the journal %s", "fails")
+    assert json.loads(capsys.readouterr().err)["message"].startswith("the journal fails [not in ")
+    logs.configure(path=tmp_path / "log")
     log.warning("there is space again")
     assert "there is space again" in (tmp_path / "log").read_text()
 
