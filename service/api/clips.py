@@ -145,17 +145,19 @@ class Clips:
             self._fail(self.clips[command["number"]], "no pipeline runs that has the samples")
 
     def listed(self) -> list[ClipOut]:
-        """The newest clips: those that were in the folder when the service began and still are, then those
-        since. Reads files."""
+        """The newest clips: those whose files are in the folder, and those that have none yet or have failed.
+        Those of before the service began come first. Reads files."""
         folder = self.settings.folder
         if folder is None:
             return []
-        found = []
-        for name in clip_names(folder)[-_MOST:]:
+        since = [(clip, clip.file) for clip in tuple(self.clips.values())]  # before new files appear
+        found, names = [], clip_names(folder)
+        for name in names[-_MOST:]:
             if name in self._earlier:
                 clip = self._earlier[name] = self._earlier[name] or _clip_of_file(folder / name)
                 found.append(clip)
-        return [*found, *self.clips.values()][-_MOST:]
+        present = {None, *names}
+        return [*found, *(clip for clip, file in since if file in present)][-_MOST:]
 
     def record(self, on: bool) -> bool:
         """Start or stop the recording; returns False if no pipeline runs."""

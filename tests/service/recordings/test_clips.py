@@ -199,6 +199,20 @@ def test_clips_of_before_are_listed_with_their_reason(tmp_path: Path) -> None:
     assert [clip.reason for clip in clips.listed()] == ["collision on forearm", "", "window"]
 
 
+def test_a_clip_that_is_removed_or_moved_away_is_not_listed(tmp_path: Path) -> None:
+    clips = Clips(RecordingSettings(folder=tmp_path), lambda _: True)
+    file = tmp_path / "clip-20260101T000000-000001.parquet"
+    report = {"type": "clip", "number": 1, "file": file.name, "samples": 100, "error": ""}
+    for reason in ("door", "window", "gate"):
+        clips.order(None, None, reason)
+    file.write_bytes(b"")
+    clips.handle_report(report)
+    clips.handle_report({**report, "number": 2, "file": None, "error": "the disk is full"})
+    assert [clip.reason for clip in clips.listed()] == ["door", "window", "gate"]
+    file.unlink()
+    assert [clip.reason for clip in clips.listed()] == ["window", "gate"]  # failed, and being recorded
+
+
 def test_only_the_newest_clips_are_listed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("contactsense.service.api.clips._MOST", 3)
     for i in range(5):
