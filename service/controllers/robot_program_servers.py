@@ -3,6 +3,7 @@
 import asyncio
 import logging
 import socket
+import sys
 from collections.abc import Callable
 
 from contactsense.service.controllers.http_calls import HttpError, HttpReader, HttpRequest, http_response
@@ -24,6 +25,9 @@ PATHS = (b"/RPC2", b"/")
 """Paths to which calls are posted."""
 _HEAD_TIME = 10.0
 """Longest time for a request to become complete [s]."""
+_KEEP_ALIVE = (30, 10)
+"""Silence of a client after which the system asks whether it is still there, and time between the three
+questions [s]."""
 _log = logging.getLogger("contactsense")
 
 
@@ -35,6 +39,16 @@ def answer_call(methods: RobotProgramMethods, body: bytes) -> bytes:
         _log.info("XML-RPC: %s", error)
         return response([BAD_REQUEST])
     return response(methods.call(name.removeprefix(PREFIX), arguments))
+
+
+def _notice_silent_end(connection: socket.socket) -> None:
+    """Let the system ask whether the other end is still there. A controller that is switched off says
+    nothing, and its connections would count until no further one is taken."""
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    idle = "TCP_KEEPALIVE" if sys.platform == "darwin" else "TCP_KEEPIDLE"
+    for option, value in ((idle, _KEEP_ALIVE[0]), ("TCP_KEEPINTVL", _KEEP_ALIVE[1]), ("TCP_KEEPCNT", 3)):
+        if hasattr(socket, option):
+            connection.setsockopt(socket.IPPROTO_TCP, getattr(socket, option), value)
 
 
 class _Connection(asyncio.Protocol):
@@ -62,7 +76,9 @@ class _Connection(asyncio.Protocol):
             _log.warning("a robot program's connection from %s is refused: %s", peer and peer[0], refusal)
             transport.abort()
             return
-        transport.get_extra_info("socket").setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        connection = transport.get_extra_info("socket")
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        _notice_silent_end(connection)
         # Do not wait for a program that does not read its answers.
         transport.set_write_buffer_limits(high=65_536)
         self._open.add(self)

@@ -170,6 +170,28 @@ def ports(methods: RobotProgramMethods, **settings: Any) -> Iterator[dict[str, t
         loop.close()
 
 
+def test_a_controller_that_is_switched_off_is_noticed(methods: RobotProgramMethods) -> None:
+    """It says nothing, and after sixteen times no program could connect until the next start."""
+
+    async def options() -> tuple[int, int]:
+        servers = RobotProgramServers(ControllerSettings.model_validate({"line_port": 0}), methods)
+        await servers.start()
+        reader, writer = await asyncio.open_connection(*servers.addresses["--line-port"])
+        writer.write(b"version\n")
+        await reader.readline()
+        (connection,) = servers.connections.popitem()[1]
+        ours = connection.transport.get_extra_info("socket")
+        found = ours.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
+        idle = ours.getsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE) if sys.platform == "linux" else 30
+        writer.close()
+        await servers.stop()
+        return found, idle
+
+    keep_alive, idle = asyncio.run(options())
+    assert keep_alive
+    assert idle <= 60
+
+
 def test_pythons_xmlrpc_client(hub: Hub, methods: RobotProgramMethods) -> None:
     hub.publish(2.5, estimate(TOUCH))
     with ports(methods) as places:
