@@ -127,7 +127,7 @@ def calibrate(
     changed = {
         str(entry.group)
         for i, entry in enumerate(selected)
-        if fitted.free[i] and (entry.group != "tilt" or values[i].changed)
+        if (fitted.free[i] or i in fitted.at_zero) and (entry.group != "tilt" or values[i].changed)
     }
     return Calibration(
         scene=scene_of(arm, changed, noise_levels, wrenches),
@@ -166,7 +166,11 @@ def _warnings(
 ) -> tuple[str, ...]:
     """What the user should know: settings that the torques contradict, parameters that kept their value, and
     joints whose friction at rest was not seen."""
-    kept = [f"{selected[i].name}: {why}" for i, why in fitted.kept.items() if selected[i].group != "links"]
+    kept = [
+        f"{selected[i].name}: {why}"
+        for i, why in (fitted.kept | fitted.at_zero).items()
+        if selected[i].group != "links"
+    ]
     if scene.joint_torque is None or noise_levels is None:
         return tuple(kept)
     progress("meaning of the torque signal")

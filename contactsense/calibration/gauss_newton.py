@@ -2,11 +2,13 @@
 
 Each iteration linearizes all equations, determines which parameters the motion excites, and solves for those.
 The velocities of the smooth sign functions of friction enter nonlinearly and are chosen from a grid. Friction
-coefficients that come out negative and optional parameters without significance are left out.
+coefficients and rotors that come out negative are zero; the others are the best ones under that condition.
+The covariance is that without it: the truth keeps the condition, so that it only brings an estimate nearer.
+Optional parameters without significance are left out.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
@@ -16,7 +18,7 @@ from contactsense.calibration.equations import channels, linearize_all
 from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.identifiability import excited_directions
 from contactsense.calibration.parameters import NOT_NEGATIVE, OPTIONAL, Entry, apply_step, entries, value
-from contactsense.calibration.residual_jacobian import linearize
+from contactsense.calibration.residual_jacobian import Rows, linearize
 from contactsense.calibration.robust_least_squares import RobustFit, fit_robust
 
 _MIN_ITERATIONS, _MAX_ITERATIONS = 3, 12
@@ -31,7 +33,10 @@ _MIN_SIGNIFICANCE = 2.5
 _VELOCITIES = (0.002, 0.005, 0.01, 0.02, 0.05)
 _LUBRICANT_VELOCITIES = (0.1, 0.2, 0.4)
 
-_NOT_EXCITED = "not excited by this motion: kept"
+NOT_ESTIMATED = (": kept", ": 0 is used")
+"""How the reason ends for which a parameter is not the best estimate: it keeps the scene's value, or is zero.
+"""
+_NOT_EXCITED = f"not excited by this motion{NOT_ESTIMATED[0]}"
 
 
 @dataclass(frozen=True)
@@ -46,7 +51,9 @@ class FittedModel:
     free: np.ndarray
     """Which parameters were estimated, shape (k,), bool."""
     kept: dict[int, str]
-    """Why each of the others keeps the scene's value."""
+    """Why each of the others keeps the scene's value, unless it is in `at_zero`."""
+    at_zero: dict[int, str]
+    """Why each of those is zero that would be negative."""
     condition: float
     """Condition number of the scaled regressor of the estimated parameters."""
 
@@ -69,31 +76,47 @@ def fit_model(
     """
     bandwidth = start.scene.bandwidth
     solver = _GaussNewton(recordings, bandwidth, selected, start)
-    free = np.ones(len(selected), dtype=bool)
-    kept: dict[int, str] = {}
+    choice = _Choice(np.ones(len(selected), dtype=bool))
     arm, step, condition = start, None, 1.0
     for number in range(_MAX_ITERATIONS):
         progress(f"round {number + 1}")
         if number < _MIN_ITERATIONS:
-            _reconsider(free, kept)
+            choice.reconsider()
         if number == 1 and widths and any(entry.group == "coulomb" for entry in selected):
             progress("velocities of the smooth sign functions")
             arm = _best_velocities(arm, recordings, bandwidth)
-        arm, step, condition = solver.solve(arm, free, kept, drop_optional=number > 0)
-        std = np.sqrt(np.diag(step.covariance))
+        arm, step, condition = solver.solve(arm, choice, drop_optional=number > 0)
+        std, free = np.sqrt(np.diag(step.covariance)), choice.free
         if number >= _MIN_ITERATIONS - 1 and np.all(np.abs(step.step[free]) <= _CONVERGED * std[free]):
             break
     assert step is not None
     precision = step.information + np.diag([entry.prior_std**-2 for entry in selected])
-    return FittedModel(arm, step.covariance, precision, free, kept, condition)
+    covariance = solver.covariance(arm, choice) if choice.at_zero else step.covariance
+    return FittedModel(arm, covariance, precision, choice.free, choice.kept, choice.at_zero, condition)
 
 
-def _reconsider(free: np.ndarray, kept: dict[int, str]) -> None:
-    """Estimate again what the residuals of the last iteration left unexcited: far from the minimum they are
-    so large that the motion seems to tell little."""
-    for i in [i for i, why in kept.items() if why == _NOT_EXCITED]:
-        free[i] = True
-        del kept[i]
+@dataclass
+class _Choice:
+    """Which parameters are estimated."""
+
+    free: np.ndarray
+    """Shape (k,), bool."""
+    kept: dict[int, str] = field(default_factory=dict)
+    at_zero: dict[int, str] = field(default_factory=dict)
+    """As in `FittedModel`."""
+
+    @property
+    def unexcited(self) -> np.ndarray:
+        """Those that the motion does not excite, shape (k,), bool."""
+        return np.array([self.kept.get(i) == _NOT_EXCITED for i in range(len(self.free))])
+
+    def reconsider(self) -> None:
+        """Estimate again what the residuals of the last iteration left unexcited or made negative: far from
+        the minimum they are so large that the motion seems to tell little."""
+        for i in [*np.flatnonzero(self.unexcited), *self.at_zero]:
+            self.free[i] = True
+            self.kept.pop(int(i), None)
+        self.at_zero.clear()
 
 
 class _GaussNewton:
@@ -115,51 +138,81 @@ class _GaussNewton:
         self._stride = row_stride(recordings, bandwidth)
 
     def solve(
-        self, arm: CalibrationModel, free: np.ndarray, kept: dict[int, str], drop_optional: bool
+        self, arm: CalibrationModel, choice: _Choice, drop_optional: bool
     ) -> tuple[CalibrationModel, RobustFit, float]:
         """One iteration: the arm at the minimum of the linearized equations.
 
-        Changes `free` and `kept`: parameters that cannot be estimated return to the scene's value.
+        Changes `choice`: parameters that cannot be estimated return to the scene's value or to zero.
         """
-        rows = [
-            row
-            for recording in self._stretches
-            for row in linearize_all(arm, recording, self._chosen, self._bandwidth, self._stride)
-        ]
+        rows = self._rows(arm)
         while True:
-            offset = np.array([value(arm, entry) for entry in self._chosen]) - self._start
-            unexcited = np.array([kept.get(i) == _NOT_EXCITED for i in range(len(free))])
-            found = fit_robust(rows, self._prior, offset, free, self._channels, unexcited)
-            excited, condition = excited_directions(found.information, self._chosen, free)
-            dropped = {int(i): _NOT_EXCITED for i in np.flatnonzero(free & ~excited)}
+            offset = self._values(arm) - self._start
+            found = fit_robust(rows, self._prior, offset, choice.free, self._channels, choice.unexcited)
+            excited, condition = excited_directions(found.information, self._chosen, choice.free)
+            dropped = {int(i): _NOT_EXCITED for i in np.flatnonzero(choice.free & ~excited)}
+            at_zero: dict[int, str] = {}
             if not dropped:
-                dropped = self._rejected(arm, found, free, drop_optional)
-            if not dropped:
+                dropped, at_zero = self._rejected(arm, found, choice.free, drop_optional)
+            if not (dropped or at_zero):
                 return apply_step(arm, self._chosen, found.step), found, condition
-            kept.update(dropped)
-            reset = np.zeros(len(free))
-            for i in dropped:
-                free[i] = False
-                reset[i] = -offset[i]
+            choice.kept.update(dropped)
+            choice.at_zero.update(at_zero)
+            reset = np.zeros(len(choice.free))
+            reset[list(dropped)] = -offset[list(dropped)]
+            reset[list(at_zero)] = -self._values(arm)[list(at_zero)]
+            choice.free[[*dropped, *at_zero]] = False
             if reset.any():
                 arm = apply_step(arm, self._chosen, reset)
                 for row in rows:
                     row.residual[:] = row.residual + row.slope @ reset[row.columns]
 
+    def covariance(self, arm: CalibrationModel, choice: _Choice) -> np.ndarray:
+        """Covariance of the parameters about their estimates if those at zero could be negative, shape
+        (k, k)."""
+        free = choice.free.copy()
+        free[list(choice.at_zero)] = True
+        offset = self._values(arm) - self._start
+        return fit_robust(
+            self._rows(arm), self._prior, offset, free, self._channels, choice.unexcited
+        ).covariance
+
+    def _rows(self, arm: CalibrationModel) -> list[Rows]:
+        return [
+            row
+            for recording in self._stretches
+            for row in linearize_all(arm, recording, self._chosen, self._bandwidth, self._stride)
+        ]
+
+    def _values(self, arm: CalibrationModel) -> np.ndarray:
+        return np.array([value(arm, entry) for entry in self._chosen])
+
     def _rejected(
         self, arm: CalibrationModel, found: RobustFit, free: np.ndarray, drop_optional: bool
-    ) -> dict[int, str]:
-        """Parameters that came out invalid or insignificant."""
-        rejected: dict[int, str] = {}
-        for i in np.flatnonzero(free):
+    ) -> tuple[dict[int, str], dict[int, str]]:
+        """Parameters that came out invalid or insignificant: those that keep the scene's value, and those
+        that are zero. Of each joint only the most negative one is zero, as the others follow it."""
+        kept: dict[int, str] = {}
+        worst: dict[int | None, tuple[float, int, str]] = {}
+        for i in map(int, np.flatnonzero(free)):
             entry = self._chosen[i]
             estimate = value(arm, entry) + found.step[i]
             std = float(np.sqrt(found.covariance[i, i]))
-            if entry.group in NOT_NEGATIVE and estimate < 0.0:
-                rejected[int(i)] = f"came out negative ({estimate:.3g} +- {std:.2g} {entry.unit}): kept"
-            elif drop_optional and entry.group in OPTIONAL and abs(estimate) < _MIN_SIGNIFICANCE * std:
-                rejected[int(i)] = "not significant in the data: kept"
-        return rejected
+            is_negative = entry.group in NOT_NEGATIVE and estimate < 0.0
+            is_optional = entry.group in OPTIONAL
+            is_small = is_optional and drop_optional and abs(estimate) < _MIN_SIGNIFICANCE * std
+            if not (is_negative or is_small):
+                continue
+            text = f"came out negative ({estimate:.3g} +- {std:.2g} {entry.unit})"
+            if is_optional and abs(estimate - self._start[i]) < _MIN_SIGNIFICANCE * std:
+                kept[i] = f"not significant in the data{NOT_ESTIMATED[0]}"
+            elif is_optional and self._start[i] == 0.0:
+                kept[i] = text + NOT_ESTIMATED[0]
+            else:
+                text = text if is_negative else "not significant in the data"
+                worst[entry.joint] = min(
+                    worst.get(entry.joint, (np.inf, i, "")), (estimate / std, i, text + NOT_ESTIMATED[1])
+                )
+        return kept, {i: text for _, i, text in worst.values()}
 
 
 def row_stride(recordings: list[FreeMotion], bandwidth: float) -> int:

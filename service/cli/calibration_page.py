@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from contactsense.calibration import Calibration, Value
+from contactsense.calibration.gauss_newton import NOT_ESTIMATED
 from contactsense.calibration.result import CHANGED
 from contactsense.scene import Scene
 from contactsense.setup_check.unexplained import ARM_LEVER, UNEXPLAINED_SHARE
@@ -232,7 +233,7 @@ def reasons_against(found: Calibration, doubts: tuple[str, ...]) -> tuple[str, .
 
 
 def _next_steps(found: Calibration, written: Path | None, against: tuple[str, ...]) -> tuple[str, ...]:
-    steps = [*against, *(warning for warning in found.warnings if not warning.endswith(": kept"))]
+    steps = [*against, *(warning for warning in found.warnings if not warning.endswith(NOT_ESTIMATED))]
     if found.contacts:
         steps.append(
             "look at the stretches that were left out: a hand, a cable, a hard stop. If nothing was there, "
