@@ -8,6 +8,7 @@ in it have ended.
 
 import hashlib
 import os
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -40,6 +41,8 @@ _RESULTS_BESIDE = {
     "report.html": ("contacts.parquet", "contacts.csv", "contacts.mcap", "estimates.parquet"),
 }
 """The same beside the report of any dataset, and of a single recording."""
+_PART = re.compile(r"/parts/[0-9a-f]{16}/[0-9a-f]{16}-[0-9]{5}\.parquet$")
+"""The end of the path of a segment's result: an analysis that was interrupted has no report yet."""
 
 
 @dataclass(frozen=True)
@@ -136,12 +139,16 @@ def _results(folder: Path, out: Path | None) -> set[Path]:
 
 def _inside(folder: Path, out: Path | None) -> list[Path]:
     """Recordings below a folder; a rosbag2 folder is one. A table of raw force/torque readings is not, nor
-    are a clip of what was recorded anyway and the results of an analysis."""
+    are a clip of what was recorded anyway and the results of an analysis, complete or not."""
     results = _results(folder, out)
     bags = {p.parent for name in ("metadata.yaml", "*.db3") for p in folder.rglob(name)} - {folder}
     files = (p for p in folder.rglob("*") if p.is_file() and p.name.lower().endswith(SUFFIXES))
     single = {p for p in files if not p.name.startswith((".", RAW_READINGS)) and p.parent not in bags}
-    found = sorted(p for p in single | bags if results.isdisjoint((p.resolve(), *p.resolve().parents)))
+    found = sorted(
+        p
+        for p in single | bags
+        if results.isdisjoint((p.resolve(), *p.resolve().parents)) and not _PART.search(p.as_posix())
+    )
     for path in found:
         check_name(path)
     return without_repeated_clips(found)

@@ -1,5 +1,6 @@
 """Recordings that are found in a dataset, with robot and date, and the segments of each."""
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -103,6 +104,18 @@ def test_recordings_of_the_same_name_in_several_folders_are_told_apart(tmp_path:
     summary = analyze_fleet(tuple(paths), scene, tmp_path / "out", workers=1)
     (one,) = {summary.contacts["recording"].to_pylist().count(file.name) for file in found}
     assert one > 0
+
+
+def test_what_an_interrupted_analysis_left_is_no_recording(tmp_path: Path, scene: Path) -> None:
+    """Its folder may lie in the dataset: results of segments are there, the report that names them is not."""
+    path = write_motion(demo(), tmp_path / "one.parquet", last=500)
+    analyze_fleet((tmp_path,), scene, tmp_path / "results")
+    for result in (tmp_path / "results").iterdir():
+        if result.name != "parts":
+            shutil.rmtree(result) if result.is_dir() else result.unlink()
+    left = list((tmp_path / "results").rglob("*.parquet"))
+    assert len(left) == 1
+    assert [file.path for file in find_recordings((tmp_path,), tmp_path / "other")] == [path]
 
 
 def test_what_a_recorder_that_was_killed_left_is_a_recording(tmp_path: Path, scene: Path) -> None:
