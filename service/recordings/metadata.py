@@ -3,18 +3,22 @@
 import hashlib
 import json
 from collections.abc import Mapping
+from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 
+import numpy as np
 import yaml
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
+from contactsense import robots
+from contactsense.robots.library import in_library
 from contactsense.scene import Scene, describe
 from contactsense.scene_model.sensor_delays import sensor_delays
 from contactsense.service.recordings.problems import RecordingError
 
 PREFIX = "contactsense."
-_CREATED, _TABLE = "created", "table"
+_CREATED, _TABLE, _ARM = "created", "table", "arm_hash"
 RAW = "samples"
 """Table of the recorder whose rows have every signal as received."""
 _REMOVED = "removed_delays"
@@ -28,8 +32,43 @@ def scene_text(scene: Scene) -> str:
 
 
 def scene_hash(scene: Scene) -> str:
-    """Short hash of all fields of a scene: recordings with the same hash have the same meaning."""
+    """Short hash of all fields of a scene and of the arm that its files describe: recordings with the same
+    hash have the same meaning."""
     text = json.dumps(scene.model_dump(mode="json"), sort_keys=True)
+    return _short(text + arm_hash(scene))
+
+
+def arm_hash(scene: Scene) -> str:
+    """Short hash of an arm of one's own, or with a kinematic calibration: the scene's text only names its
+    files, which may change. Empty for an arm of the library."""
+    robot = scene.robot
+    if in_library(robot) and robot == robots.load(robot.name):
+        return ""
+    described = asdict(replace(robot, file=None))
+    return _short(json.dumps(described, sort_keys=True, default=plain))
+
+
+def plain(value: object) -> object:
+    """A part of a robot for JSON."""
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    return value.model_dump(mode="json") if isinstance(value, BaseModel) else str(value)
+
+
+def other_arm(meta: Mapping[str, str], scene: Scene) -> str:
+    """What is wrong where a file was recorded with this scene, but the files that it names described another
+    arm then; empty if they did not."""
+    recorded = meta.get(PREFIX + _ARM)
+    if recorded is None or meta.get(PREFIX + "scene") != scene_text(scene) or recorded == arm_hash(scene):
+        return ""
+    names = " or ".join(str(path) for path in (scene.robot.file, scene.kinematics) if path is not None)
+    return (
+        f"the arm that the scene names is not as it was when this was recorded: {names} has changed, or its "
+        "surface file"
+    )
+
+
+def _short(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
@@ -42,6 +81,8 @@ def metadata(scene: Scene, **more: str) -> dict[str, str]:
         "version": version("contactsense"),
         **more,
     }
+    if arm := arm_hash(scene):
+        fields[_ARM] = arm
     return {PREFIX + name: value for name, value in fields.items()} | creation()
 
 

@@ -15,6 +15,7 @@ Kind = Literal[
     "held",
     "velocities",
     "other_torques",
+    "other_arm",
 ]
 
 

@@ -6,7 +6,12 @@ from contactsense.scene import Scene
 from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
 from contactsense.scene_model.wrench_map import WrenchMap
 from contactsense.service.recordings.column_mapping import ColumnMapping, expand
-from contactsense.service.recordings.metadata import is_raw, recorded_scene, removed_delays_of_meta
+from contactsense.service.recordings.metadata import (
+    is_raw,
+    other_arm,
+    recorded_scene,
+    removed_delays_of_meta,
+)
 from contactsense.service.recordings.problems import Problem, RecordingError
 from contactsense.service.recordings.table import TableFile
 from contactsense.service.sensors.robot_stream import SensorError
@@ -43,6 +48,8 @@ class SignalColumns:
         """Sensors of the scene that the file does not have, or not as the scene says."""
         if mapping.timestamp not in names:
             self._missing("timestamp", mapping.timestamp)
+        if changed := other_arm(table.meta, scene):
+            self.absent.append(Problem(0, 0, "other_arm", changed))
         self.q: list[str] = self._group("q", mapping.q, n)
         if f"{mapping.q[0]}_{n}" in names and self.q != list(mapping.q):
             raise RecordingError(

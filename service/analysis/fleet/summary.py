@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pa_parquet
-from pydantic import BaseModel
 
 from contactsense.scene import Scene
 from contactsense.service.analysis.contact_table import SCHEMA
@@ -19,6 +18,7 @@ from contactsense.service.analysis.fleet.drift import Daily, daily_mean, daily_m
 from contactsense.service.analysis.fleet.segment_problems import RecordingProblems
 from contactsense.service.analysis.fleet.segment_task import FRICTION, SegmentTask, part_path, without_nan
 from contactsense.service.analysis.health import TOO_LARGE
+from contactsense.service.recordings.metadata import plain
 from contactsense.service.recordings.parquet_files import write_parquet
 
 
@@ -307,10 +307,4 @@ def settings_of(scene: Scene) -> str:
         "arm": asdict(replace(scene.robot, file=None)),
         "meshes": files,
     }
-    return json.dumps(described, sort_keys=True, default=_as_plain)
-
-
-def _as_plain(value: object) -> object:
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    return value.model_dump(mode="json") if isinstance(value, BaseModel) else str(value)
+    return json.dumps(described, sort_keys=True, default=plain)
