@@ -38,6 +38,13 @@ def scene_hash(scene: Scene) -> str:
     return _short(text + arm_hash(scene))
 
 
+def carried_scene(meta: Mapping[str, str]) -> str | None:
+    """Short hash of the scene that a file carries; None if it carries none. Other than `scene_hash` it does
+    not depend on the fields that a later version adds."""
+    text = meta.get(PREFIX + "scene")
+    return None if text is None else _short(text + meta.get(PREFIX + _ARM, ""))
+
+
 def arm_hash(scene: Scene) -> str:
     """Short hash of an arm of one's own, or with a kinematic calibration: the scene's text only names its
     files, which may change. Empty for an arm of the library."""

@@ -8,7 +8,12 @@ import pyarrow as pa
 import pyarrow.parquet as pa_parquet
 
 from contactsense.service.recordings.file_format import format_of
-from contactsense.service.recordings.metadata import CONFLICT, PREFIX, removed_delays_of_meta
+from contactsense.service.recordings.metadata import (
+    CONFLICT,
+    PREFIX,
+    carried_scene,
+    removed_delays_of_meta,
+)
 from contactsense.service.recordings.problems import Problem, RecordingError
 from contactsense.service.recordings.repeated_clips import without_repeated_clips
 from contactsense.service.recordings.table import (
@@ -97,7 +102,7 @@ class ParquetFolder:
                     f"{path}: in one of {both} the delays of the sensors have been taken off, in the other "
                     "they have not, or others have: read them one by one"
                 )
-            if part.meta.get(PREFIX + "scene_hash") != first.get(PREFIX + "scene_hash"):
+            if carried_scene(part.meta) != carried_scene(first):
                 self.meta[PREFIX + CONFLICT] = both
         self.problems: list[Problem] = []
         self.rows: int | None = sum(part.rows or 0 for part in self._parts)

@@ -14,7 +14,7 @@ from contactsense.service.analysis.fleet.segments import SEGMENT_TIME, DatasetFi
 from contactsense.service.analysis.fleet.summary import FleetSummary, settings_of, summarize, write_summary
 from contactsense.service.analysis.fleet.worker_pool import run_tasks
 
-VERSION = 10
+VERSION = 11
 """Version of the results of a segment; results of another version are not used."""
 
 
@@ -68,7 +68,11 @@ def analyze_fleet(
     summary = summarize(scenes.loaded, tasks, (results[task] for task in tasks))
     summary = replace(
         summary,
-        problems=(*_left_out(scenes, files), *summary.problems),
+        problems=(
+            *_left_out(scenes, files),
+            *_other_scenes(scenes, list(results.values())),
+            *summary.problems,
+        ),
         without_scene=tuple(scenes.missing),
         skipped=summary.skipped + sum(file.robot in scenes.missing for file in files),
     )
@@ -82,6 +86,23 @@ def _left_out(scenes: RobotScenes, files: Iterable[DatasetFile]) -> Iterator[str
     for robot, reason in scenes.missing.items():
         count = counts[robot]
         yield f"{reason}; {count} recording{'s were' if count > 1 else ' was'} skipped"
+
+
+def _other_scenes(scenes: RobotScenes, results: Iterable[dict[str, Any]]) -> Iterator[str]:
+    """The robots whose scene is that of one recording while others carry another one, a sentence each."""
+    hashes: dict[str, dict[str, str]] = {robot: {} for robot in scenes.carried}
+    for result in results:
+        if result["robot"] in hashes and result.get("carried_scene") is not None:
+            hashes[result["robot"]][result["name"]] = result["carried_scene"]
+    for robot, own in hashes.items():
+        carrier = scenes.carried[robot]
+        others = sorted(name for name, found in own.items() if found != own.get(carrier))
+        if others:
+            more = f" and {len(others) - 3} more" if len(others) > 3 else ""
+            yield (
+                f"robot {robot}: {', '.join(others[:3])}{more}: analysed with the scene that {carrier} "
+                "carries, not with their own: name one with --scene, or give each arm a folder robot=NAME"
+            )
 
 
 def _parts(out: Path, scene: Scene, length: float) -> str:

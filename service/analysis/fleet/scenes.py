@@ -23,6 +23,8 @@ class RobotScenes:
     """The scene file of each robot that has one."""
     loaded: dict[str, Scene] = field(default_factory=dict)
     """The scene in it."""
+    carried: dict[str, str] = field(default_factory=dict)
+    """Name of the recording that carries it, where a recording does."""
     missing: dict[str, str] = field(default_factory=dict)
     """Why each of the others has none: one sentence that names robot and file."""
 
@@ -49,9 +51,11 @@ def robot_scenes(scene: Path | None, files: Iterable[DatasetFile], carried: Path
     found = RobotScenes()
     for robot, recordings in own.items():
         try:
-            path = _scene_file(scene, recordings, carried)
+            path, carrier = _scene_file(scene, recordings, carried)
             found.loaded[robot] = Scene.load(path)
             found.paths[robot] = path.resolve()
+            if carrier is not None:
+                found.carried[robot] = carrier.name
         except SceneError as error:
             found.missing[robot] = f"robot {robot}: {error}"
     if not found.paths:
@@ -59,18 +63,22 @@ def robot_scenes(scene: Path | None, files: Iterable[DatasetFile], carried: Path
     return found
 
 
-def _scene_file(scene: Path | None, recordings: list[DatasetFile], carried: Path) -> Path:
-    """The scene file of the robot of these recordings; raises a SceneError if there is none."""
+def _scene_file(
+    scene: Path | None, recordings: list[DatasetFile], carried: Path
+) -> tuple[Path, DatasetFile | None]:
+    """The scene file of the robot of these recordings, and the one that carries it, if one does; raises a
+    SceneError if there is none."""
     first = recordings[0]
     name = f"{first.robot}.yaml"
+    carrier = None
     if scene is not None:
         path, reason = scene / name, ""
     else:
         folder = f"robot={first.robot}"
         path = next((up for up in first.path.parents if up.name == folder), first.path.parent) / OWN_SCENE
         if not path.is_file():
-            text, reason = _carried_scene(recordings)
-            if text is not None:
+            carrier, text, reason = _carried_scene(recordings)
+            if carrier is not None:
                 path = carried / name
                 path.parent.mkdir(parents=True, exist_ok=True)
                 write_text(path, text)
@@ -79,16 +87,16 @@ def _scene_file(scene: Path | None, recordings: list[DatasetFile], carried: Path
             f"expected a scene file {path}, found none; --scene names a file for all robots, or a folder "
             f"with NAME.yaml for each{reason}"
         )
-    return path
+    return path, carrier
 
 
-def _carried_scene(recordings: list[DatasetFile]) -> tuple[str | None, str]:
-    """The scene in the first of these recordings that carries one; None, and the reason of the first one, if
-    there is none."""
+def _carried_scene(recordings: list[DatasetFile]) -> tuple[DatasetFile | None, str, str]:
+    """The first of these recordings that carries a scene, and the scene as text; None, and the reason of the
+    first one, if there is none."""
     reason = ""
     for file in recordings:
         try:
-            return scene_text(scene_in(file.path)), ""
+            return file, scene_text(scene_in(file.path)), ""
         except RecordingError as error:
             reason = reason or f"; {named_within(str(error), file.path, file.name)}"
-    return None, reason
+    return None, "", reason

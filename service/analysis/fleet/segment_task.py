@@ -26,6 +26,7 @@ from contactsense.service.analysis.present_sensors import absent_sensors, withou
 from contactsense.service.analysis.residual_statistics import ResidualStatistics
 from contactsense.service.recordings import RecordingError, RecordingFile
 from contactsense.service.recordings.cleaning import GAP_STEPS
+from contactsense.service.recordings.metadata import carried_scene
 from contactsense.service.recordings.parquet_files import write_parquet
 
 HELD = 12
@@ -137,6 +138,7 @@ def _analyze(
         "seconds": _without_gaps(np.maximum(np.diff(t), 0.0)) if contacts or found.usable else 0.0,
         "samples": len(t),
         "absent": sorted(absent),
+        "carried_scene": carried_scene(file.meta),
         "problems": own_problems(run.extent.problems, segment.first, segment.last),
         "complaints": complaints,
         "free": found.free,

@@ -112,6 +112,22 @@ def test_robots_whose_sensors_determine_no_force_are_named(tmp_path: Path) -> No
         assert "b: No force/torque sensor measures pushes" in text
 
 
+def test_recordings_that_carry_other_scenes_than_the_one_that_is_used_are_named(tmp_path: Path) -> None:
+    """As of two arms in one folder, or of an arm before and after its calibration."""
+    data, scene = tmp_path / "data", tmp_path / "scene.yaml"
+    right, other = Scene(robot="ur5e"), Scene(robot="ur5e", clear=0.9)
+    carrying(data, "a", None, right, right, other)
+    carrying(data, "b", other)
+    scene.write_text("robot: ur5e\n")
+    named = [text for text in analyze_fleet((data,), None, tmp_path / "out").problems if "--scene" in text]
+    assert len(named) == 1
+    assert named[0].startswith(
+        "robot a: robot=a/3.parquet: analysed with the scene that robot=a/1.parquet carries"
+    )
+    # Who names a scene means it for all.
+    assert not any("--scene" in text for text in analyze_fleet((data,), scene, tmp_path / "out").problems)
+
+
 def test_a_folder_of_scenes_may_lack_one(tmp_path: Path) -> None:
     data, scenes = tmp_path / "data", tmp_path / "scenes"
     for robot in "ab":
