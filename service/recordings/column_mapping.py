@@ -106,10 +106,10 @@ class ColumnMapping(BaseModel):
                 if not equals:
                     raise MappingError(f"--columns: expected NAME=VALUE pairs, got {part!r}")
                 group, _, member = name.strip().partition(".")
-                if member:
-                    fields.setdefault(group, {})[member] = value.strip()
-                else:
-                    fields[group] = value.strip()
+                there = fields.setdefault(group, {}) if member else fields
+                if not isinstance(there, dict) or (member or group) in there:
+                    raise MappingError(f"--columns: expected {name.strip()} once, got it twice")
+                there[member or group] = value.strip()
         else:
             try:
                 fields = read_fields(text, "the column mapping", "q: joint")

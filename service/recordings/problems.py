@@ -11,6 +11,7 @@ Kind = Literal[
     "bad_row",
     "cut_short",
     "missing_sensor",
+    "not_in_scene",
     "schema",
     "held",
     "velocities",

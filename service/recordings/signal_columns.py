@@ -69,6 +69,7 @@ class SignalColumns:
             if columns:
                 frame = LinkSensorFrame(self._scene, field)
                 self.links[field] = LinkColumns(columns, frame, sensor.delay - removed.get(field, 0.0))
+        self._note_other_sensors()
         self.base_map = None if base is None else WrenchMap.of(base)
         """Conversion of the base sensor's readings; None without one in the scene."""
         self.base_delay = 0.0
@@ -109,11 +110,28 @@ class SignalColumns:
         if any(column not in names for column in columns):
             if has_own:  # converted before
                 return own, self._of_this_scene(own)
+            for part in (own, columns):
+                if any(column in names for column in part):
+                    self._missing("joint_torque", next(c for c in part if c not in names))
             message = f"no {own[0]} ... nor {columns[0]} ... ({sensor.signal}): joint torques are not used"
             message += self._other_signal()
             self.absent.append(Problem(0, 0, "missing_sensor", message))
             return [], None
         return columns, source
+
+    def _note_other_sensors(self) -> None:
+        """Note columns that were named for sensors which the scene does not have."""
+        mapping, scene = self._mapping, self._scene
+        named = {
+            "joint_torque": mapping.joint_torque is not None,
+            **{field: mapping.states(field) for field in ("base_wrench", "wrist_wrench")},
+            **{f"link_wrenches.{name}": True for name in mapping.link_wrenches},
+        }
+        there = {"joint_torque": scene.joint_torque, "base_wrench": scene.base_wrench, **scene.link_sensors}
+        for field, is_named in named.items():
+            if is_named and there.get(field) is None:
+                message = f"--columns names {field}, but the scene has no such sensor: it is not used"
+                self.absent.append(Problem(0, 0, "not_in_scene", message))
 
     def _of_this_scene(self, own: list[str]) -> TorqueMap | None:
         """Conversion of joint torques that a scene with another sign or other constants has made; None if

@@ -73,6 +73,36 @@ def test_another_torque_signal_of_the_file_is_named(tmp_path: Path) -> None:
     assert read(path, currents).joint_torque is not None
 
 
+@pytest.mark.parametrize("group", ["joint_torque", "base_wrench"])
+def test_a_sensor_that_lacks_one_column_is_refused_with_its_name(tmp_path: Path, group: str) -> None:
+    found = {name: values for name, values in columns().items() if name != f"{group}_3"}
+    with pytest.raises(RecordingError, match=f"{group}: expected a column {group}_3, found timestamp"):
+        read(as_parquet(tmp_path, found), SCENE)
+
+
+def test_columns_of_sensors_that_the_scene_does_not_have_are_told(tmp_path: Path) -> None:
+    """As where the name of a sensor is misspelled, or the scene of another cell is taken."""
+    path = as_parquet(tmp_path, columns())
+    named = "base_wrench=base_wrench,wrist_wrench=ft,link_wrenches.forarm=ft2"
+    problems = read(path, TORQUES, named).problems
+    assert [problem.kind for problem in problems] == ["not_in_scene"] * 3
+    fields = ("base_wrench", "wrist_wrench", "link_wrenches.forarm")
+    for problem, field in zip(problems, fields, strict=True):
+        assert problem.message.startswith(f"--columns names {field}, but the scene has no such sensor")
+    base = Scene(robot="ur5e", joint_torque=None)
+    (problem,) = read(path, base, "joint_torque=joint_torque").problems
+    assert problem.kind == "not_in_scene"
+
+
+@pytest.mark.parametrize(
+    "pairs",
+    ["q=a,qd=b,q=c", "link_wrenches.ft=a,link_wrenches.ft=b", "link_wrenches=a,link_wrenches.ft=b"],
+)
+def test_a_name_that_is_given_twice_is_refused(pairs: str) -> None:
+    with pytest.raises(MappingError, match=r"expected (q|link_wrenches\.ft) once, got it twice"):
+        ColumnMapping.parse(pairs)
+
+
 def test_a_recording_of_an_arm_with_more_joints_is_refused(tmp_path: Path) -> None:
     """The first six of seven joints need not be those of the arm."""
     path = as_parquet(tmp_path, columns(actual_q_6=np.zeros(N)))
