@@ -172,6 +172,7 @@ def _folders(files: tuple[Path, ...], out: Path) -> list[Path]:
 def _analyze(
     file: RecordingFile, scene: Scene, limits: ForceLimits | None, estimates: bool, folder: Path
 ) -> Analysis:
+    folder.mkdir(parents=True, exist_ok=True)  # if that fails, no long analysis is lost
     with Progress(
         TextColumn("{task.description}", markup=False), BarColumn(), TimeRemainingColumn(),
         console=Console(stderr=True), transient=True,
@@ -184,7 +185,6 @@ def _analyze(
             limits=limits,
             progress=lambda count: progress.advance(task, count),
         )
-    folder.mkdir(parents=True, exist_ok=True)
     write_contacts(from_folder(found.to_arrow(), file.path, folder), folder)
     if found.estimates is not None:
         write_parquet(found.estimates, folder / "estimates.parquet")

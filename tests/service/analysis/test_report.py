@@ -196,6 +196,19 @@ def test_numbers_are_on_the_right_and_names_on_the_left(folder: Path) -> None:
     assert "<td>900</td>" in text
 
 
+def test_a_folder_that_cannot_be_made_is_told_before_the_analysis(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recording = write_motion(demo(), tmp_path / "a.parquet", last=500)
+    analyzed = []
+    monkeypatch.setattr("contactsense.service.cli.analyze.run", lambda *_, **__: analyzed.append(1))
+    arguments = [str(recording), "--scene", str(folder / "scene.yaml"), "--out", str(recording)]
+    result = CliRunner().invoke(analyze, arguments)
+    assert result.exit_code == 1
+    assert "a.parquet: cannot write: File exists" in result.stderr
+    assert analyzed == []
+
+
 def test_a_full_disk_leaves_the_reports_of_before(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
