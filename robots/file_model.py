@@ -4,10 +4,13 @@ numbers.
 In YAML `yes`, `on` and `true` are truth values, which Python takes for 1 where a number is expected.
 """
 
+from collections.abc import Mapping
 from functools import cache
-from typing import Any, get_args
+from typing import Any, Self, get_args
 
 from pydantic import BaseModel, ConfigDict, model_validator
+
+from contactsense.robots.near_names import did_you_mean
 
 
 class FileModel(BaseModel):
@@ -22,6 +25,18 @@ class FileModel(BaseModel):
             return given
         numbers = _number_fields(cls)
         return {name: _marked(value) if name in numbers else value for name, value in given.items()}
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """A copy, with some fields changed. Their values are not checked, as those of a new object are.
+
+        Raises:
+            ValueError: A name is no field; pydantic would add it, without effect.
+        """
+        fields = type(self).model_fields
+        for name in update or ():
+            if name not in fields:
+                raise ValueError(f"{name}: unknown field{did_you_mean(name, fields)}")
+        return super().model_copy(update=update, deep=deep)
 
 
 class _TruthValue:

@@ -47,3 +47,10 @@ def test_truth_is_meant_where_it_can_be() -> None:
 def test_truth_is_no_number_in_other_files(model: Callable[..., Any], text: str) -> None:
     with pytest.raises(ValueError, match="Input should be a valid number"):
         model(**yaml.safe_load(text))
+
+
+def test_a_copy_has_no_other_fields() -> None:
+    scene = Scene(robot="ur5e")
+    assert scene.model_copy(update={"gravity": 3.7}).gravity == 3.7
+    with pytest.raises(ValueError, match=r"gravty: unknown field \(did you mean gravity\?\)"):
+        scene.model_copy(update={"gravty": 3.7})
