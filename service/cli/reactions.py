@@ -11,12 +11,17 @@ from pydantic import ValidationError
 from contactsense import Localizer, Scene, SceneError
 from contactsense.runtime.block_runner import MAX_BLOCK
 from contactsense.scene import describe
+from contactsense.service.percent import in_percent
 from contactsense.service.reactions.decision import Decision
 from contactsense.service.reactions.engine import Engine
 from contactsense.service.reactions.explain import explain, explain_actions, explain_expected
 from contactsense.service.reactions.rules import ReactionRules, RulesError
 from contactsense.service.recordings import MappingError, Recording, RecordingError, read
 from contactsense.service.recordings.problem_lines import problem_lines
+from contactsense.service.recordings.recording_file import carried_scene_in
+
+_OFTEN = 0.05
+"""It is told if a larger share of the samples of a recording is degraded."""
 
 
 @click.group()
@@ -27,7 +32,11 @@ def reactions() -> None:
 @reactions.command(short_help="Describe rules in words; replay recordings.")
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--scene", "scene_file", type=click.Path(path_type=Path), help="Scene file (YAML).")
-@click.option("--robot", default="ur5e", show_default=True, help="Robot where there is no scene file.")
+@click.option(
+    "--robot",
+    help="Robot where there is no scene file.  [default: with --replay the scene that the recording carries, "
+    "else ur5e]",
+)
 @click.option(
     "--replay", type=click.Path(path_type=Path), help="Recording: print when the rules would have fired."
 )
@@ -38,7 +47,7 @@ def reactions() -> None:
 def check(
     file: Path,
     scene_file: Path | None,
-    robot: str,
+    robot: str | None,
     replay: Path | None,
     columns: str | None,
     as_json: bool,
@@ -52,7 +61,7 @@ def check(
     arm, so that each time at which a collision level would have been exceeded is shown.
     """
     try:
-        scene = _scene(scene_file, robot)
+        scene = _scene(scene_file, robot, replay)
         rules = ReactionRules.load(file)
         try:
             rules.check(scene)
@@ -86,11 +95,15 @@ def check(
     return 0
 
 
-def _scene(file: Path | None, robot: str) -> Scene:
+def _scene(file: Path | None, robot: str | None, replay: Path | None) -> Scene:
+    if file is not None and robot is not None:
+        raise click.UsageError("--robot and --scene: expected one of them, got both")
     if file is not None:
         return Scene.load(file)
+    if robot is None and replay is not None and (carried := carried_scene_in(replay)) is not None:
+        return carried
     try:
-        return Scene.model_validate({"robot": robot})
+        return Scene.model_validate({"robot": robot or "ur5e"})
     except ValidationError as error:
         raise SceneError(describe(error, Scene)) from None
     except LookupError as error:
@@ -106,15 +119,25 @@ def _fired(rules: ReactionRules, scene: Scene, recording: Recording) -> list[Dec
     localizer, engine = Localizer(scene), Engine(rules, scene)
     localizer.reset()
     fired: list[Decision] = []
+    degraded = 0
     with click.progressbar(
         recording.samples(), length=len(recording.t), label="replaying", file=sys.stderr
     ) as samples:
         for sample in samples:
             estimate = localizer.step(sample)
+            degraded += estimate.status == "degraded"
             fired += [decision for decision in engine.step(sample, estimate) if decision.kind == "begin"]
             if estimate.status == "none" and engine.latches:
                 engine.acknowledge()
-    for text in (*problem_lines(recording.problems), *localizer.refusals):
+    told = [*problem_lines(recording.problems), *localizer.refusals]
+    if localizer.doubt:
+        told.append(localizer.doubt)
+    if degraded > _OFTEN * len(recording.t):
+        told.append(
+            f"estimates were degraded in {in_percent(degraded / len(recording.t))} of the samples; "
+            "`contactsense analyze` says more"
+        )
+    for text in told:
         click.echo(f"check: {text}", err=True)
     if not fired and not _is_usable(scene, recording):
         raise RecordingError(

@@ -205,6 +205,18 @@ def scene_in(path: Path) -> Scene:
     return scene_of_meta(_meta(path), str(path))
 
 
+def carried_scene_in(path: Path) -> Scene | None:
+    """The same; None if it contains none.
+
+    Raises:
+        RecordingError: It cannot be read, or its scene cannot be used.
+    """
+    from contactsense.service.recordings.metadata import carried_scene, scene_of_meta
+
+    meta = _meta(path)
+    return None if carried_scene(meta) is None else scene_of_meta(meta, str(path))
+
+
 def date_in(path: Path) -> str | None:
     """Day on which a recording began by its metadata, YYYY-MM-DD in UTC; None if it is not known.
 

@@ -9,13 +9,15 @@ import pytest
 import yaml
 from click.testing import CliRunner
 
+from contactsense.scene import Scene
 from contactsense.service.api.app import create_app
 from contactsense.service.api.settings import Settings, SettingsError
 from contactsense.service.cli.main import cli
 from contactsense.service.mock.script import Script
 from contactsense.service.mock.servers import MockServers, MockSettings
 from contactsense.service.mock.simulated_arm import simulate
-from contactsense.service.recordings.export import write_columns
+from contactsense.service.recordings import read
+from contactsense.service.recordings.export import export, write_columns
 from tests.service import http
 from tests.service.loopback import until
 from tests.service.serving import serving
@@ -140,6 +142,36 @@ def test_check_explains_and_replays(tmp_path: Path) -> None:
     (fired,) = json.loads(result.stdout)["fired"]
     assert 1.0 < fired["t"] < 1.5
     assert fired["link"] == "forearm"
+
+
+def test_a_replay_uses_the_scene_of_the_recording_and_says_where_it_does_not_fit(tmp_path: Path) -> None:
+    """Or thresholds are chosen by forces that are none."""
+    motion, columns = simulate(SCRIPT), {}
+    for name, values in (
+        ("actual_q", motion.q),
+        ("actual_qd", motion.qd),
+        ("base_wrench", motion.base_wrench),
+    ):
+        columns |= {f"{name}_{i}": column for i, column in enumerate(np.asarray(values).T)}
+    plain, own = tmp_path / "plain.csv", tmp_path / "own.parquet"
+    write_columns(plain, {"timestamp": motion.t, **columns})
+    (tmp_path / "right.yaml").write_text("{robot: ur5e, joint_torque: null}")
+    (tmp_path / "tilted.yaml").write_text("{robot: ur5e, joint_torque: null, mounting: [0.1, 0, 0]}")
+    (tmp_path / "rules.yaml").write_text("rules: [{name: a, links: [any], contact: {force: 10}}]")
+    tilted = Scene.load(tmp_path / "tilted.yaml")
+    export(read(plain, Scene.load(tmp_path / "right.yaml")), own, scene=tilted)
+    arguments = ["reactions", "check", str(tmp_path / "rules.yaml"), "--replay"]
+    doubt = "check: the readings have not fitted a free arm since the stream began"
+    for more in ([str(own)], [str(plain), "--scene", str(tmp_path / "tilted.yaml")]):
+        result = CliRunner().invoke(cli, [*arguments, *more])
+        assert doubt in result.stderr
+    assert "check: estimates were degraded" not in result.stderr
+    result = CliRunner().invoke(cli, [*arguments, str(own), "--scene", str(tmp_path / "right.yaml")])
+    assert result.exit_code == 0
+    assert doubt not in result.stderr
+    result = CliRunner().invoke(cli, [*arguments, str(own), "--scene", "right.yaml", "--robot", "ur10e"])
+    assert result.exit_code == 2
+    assert "--robot and --scene: expected one of them" in result.stderr
 
 
 @pytest.mark.slow
