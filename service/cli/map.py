@@ -15,6 +15,7 @@ from contactsense.service.cli.finite_range import FiniteRange
 from contactsense.service.cli.joint_angles import joint_angles
 from contactsense.service.cli.map_table import compare_maps, show_map
 from contactsense.service.cli.picture_file import PicturePath, picture_file
+from contactsense.service.scene.summary import scene_warnings
 from contactsense.surface_map.detectability import Detectability, detectability
 
 
@@ -73,6 +74,9 @@ def surface_map(
     except ValueError as error:
         raise click.ClickException(str(error)) from None
     titles = [str(scene) for scene in (path, other) if scene is not None]
+    for title, scene in zip(titles, scenes, strict=True):
+        for text in scene_warnings(scene):  # such as of a range that the arm's weight reaches
+            click.echo(f"warning: {title}: {text}", err=True)
     if picture is not None:
         with picture_file(picture):
             from contactsense.service.drawing.force_map import draw_force_map

@@ -52,6 +52,15 @@ def test_the_errors_of_the_torque_model_are_told_beside_the_noise(tmp_path: Path
     )
 
 
+def test_a_sensor_that_the_weight_of_the_arm_saturates_is_told(scenes: tuple[str, str]) -> None:
+    """It would not be used, and the map of whoever chooses it be wrong."""
+    small, right = Path(scenes[0]).with_name("small.yaml"), scenes[0]
+    small.write_text(Path(right).read_text() + "base_wrench: {range: [100, 500]}\n")
+    told = call(str(small), "--compare", right, *POSTURE).stderr
+    assert f"warning: {small}: base_wrench.range: expected more than 213 N in fz" in told
+    assert f"warning: {right}" not in told
+
+
 def test_each_scene_has_its_own_false_alarms(scenes: tuple[str, str]) -> None:
     strict, loose = map(Path, scenes)
     loose.write_text(strict.read_text() + "false_alarms_per_hour: 5\n")
