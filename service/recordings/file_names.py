@@ -25,3 +25,14 @@ def check_name(path: Path) -> None:
     raise RecordingError(
         f"{name}: names are read as {sys.getfilesystemencoding()} here, expected UTF-8: set LC_ALL=C.UTF-8"
     )
+
+
+def check_there(path: Path) -> None:
+    """Check that there is a file or folder of this name: readers of the formats say so in other words, or of
+    the parts that they look for.
+
+    Raises:
+        RecordingError: There is none.
+    """
+    if not path.exists():
+        raise RecordingError(f"{path}: cannot read the recording: No such file or directory")

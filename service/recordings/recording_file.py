@@ -11,7 +11,7 @@ from contactsense.sensors.link_values import as_fields
 from contactsense.service.recordings.bag_files import BagFile, is_bag
 from contactsense.service.recordings.cleaning import RowChecker
 from contactsense.service.recordings.column_mapping import ColumnMapping
-from contactsense.service.recordings.file_names import check_name
+from contactsense.service.recordings.file_names import check_name, check_there
 from contactsense.service.recordings.held_values import HeldValues
 from contactsense.service.recordings.problems import RecordingError
 from contactsense.service.recordings.recording import BLOCK, Recording, concatenate
@@ -43,6 +43,7 @@ class RecordingFile:
         check_scene(scene)
         self.path = Path(path)
         check_name(self.path)
+        check_there(self.path)
         self.name = str(path)
         self._scene, self._mapping = scene, mapping or ColumnMapping()
         self._table: TableFile = (
@@ -229,4 +230,6 @@ def date_in(path: Path) -> str | None:
 
 
 def _meta(path: Path) -> dict[str, str]:
+    check_name(path)
+    check_there(path)
     return {} if is_bag(path) else open_table(path).meta

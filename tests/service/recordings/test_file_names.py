@@ -31,6 +31,15 @@ def test_a_name_that_is_not_utf_8_is_refused(tmp_path: Path) -> None:
     assert not is_analysis(path)
 
 
+@pytest.mark.parametrize("name", ["a.csv", "a.parquet", "a.arrows", "a.mcap", "a"])
+@pytest.mark.parametrize("scene", [None, Scene(robot="ur5e")], ids=["without", "with"])
+def test_a_file_that_does_not_exist_is_told_as_such(name: str, scene: Scene | None, tmp_path: Path) -> None:
+    """Of an absent MCAP, the scene was missed that none carries."""
+    message = f"^{tmp_path / name}: cannot read the recording: No such file or directory$"
+    with pytest.raises(RecordingError, match=message):
+        read(tmp_path / name, scene)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "words",
