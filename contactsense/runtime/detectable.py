@@ -90,9 +90,10 @@ class DetectableForce:
             self._lengths[key] = detected_length(threshold, degrees)
         ratio = float(self._variance_ratio[0])
         covariance = ratio * state.base_noise[:3, :3] + state.bias_filter.base_covariance[:3, :3]
-        variances = ratio * self._constants.sensors.link_variance[:, 0]
         error = state.link_velocity_error
-        variances += error.noise[:, 0, 0] + error.instants[:, 0, 0]
+        model = np.diagonal(error.noise + error.instants, axis1=1, axis2=2) + state.link_mass_variance
+        # A link sensor's energy is a sum over its components: the least precise of the force counts.
+        variances = ratio * self._constants.sensors.link_variance[:, 0] + model[:, :3].max(axis=1)
         self.value = self._force(usable, self._lengths[key], covariance, variances)
         return self.value
 

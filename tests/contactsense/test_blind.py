@@ -9,9 +9,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactsense import JointTorqueSensor, Localizer, Sample, SampleBlock, Scene, WrenchSensor, forward_model
+from contactsense import (
+    Estimate,
+    JointTorqueSensor,
+    Localizer,
+    Sample,
+    SampleBlock,
+    Scene,
+    WrenchSensor,
+    forward_model,
+)
 from contactsense.robots.tool import Tool
 from contactsense.scene_model.constants import build_constants
+from contactsense.sensors.settings import LinkWrenchSensor
 from contactsense.sensors.stream_state import DEGRADED
 from tests.plain_arm import plain_ur5e
 
@@ -178,3 +188,27 @@ def test_a_wrist_sensor_is_sure_where_only_the_tool_can_be_touched() -> None:
     assert Localizer(of).locate(Q, **zero).detectable == math.inf
     only_tool = of.model_copy(update={"touchable": ("tool",)})
     assert 0.5 < Localizer(only_tool).locate(Q, **zero).detectable < 10.0
+
+
+def test_the_detectable_force_of_a_link_sensor_counts_what_is_not_known_of_the_masses() -> None:
+    # At rest they hide a force along gravity, and no other.
+    of = scene(
+        base_wrench=None, inertia_error=0.05, touchable=ARM.link_names[3:],
+        link_wrenches=(LinkWrenchSensor(name="arm", link=ARM.link_names[2]),),
+    )  # fmt: skip
+    localizer, rng = Localizer(of), np.random.default_rng(0)
+    weight = forward_model(of, Q, "forearm", np.zeros(3), np.zeros(3))
+
+    def run(push: float) -> list[Estimate]:
+        samples = []
+        for i in range(COUNT):
+            reading = weight.link_wrenches["arm"] + rng.standard_normal(6) * np.repeat([0.25, 0.05], 3)
+            reading[2] += push if i >= COUNT // 2 else 0.0
+            torque = weight.joint_torque + rng.standard_normal(6)
+            samples.append(Sample(STEP * i, Q, np.zeros(6), torque, link_wrenches={"arm": reading}))
+        return list(localizer.run(samples))
+
+    free = run(0.0)[100:]
+    assert {estimate.status for estimate in free} == {"none"}
+    found = run(free[-1].detectable)[COUNT // 2 + 50 :]
+    assert np.mean([estimate.status != "none" for estimate in found]) > 0.8
