@@ -195,24 +195,25 @@ def _fit_without_contacts(
     bandwidth = start.scene.bandwidth
     contacts: tuple[SuspectedContact, ...] = ()
     stride = row_stride(recordings, bandwidth)
+    given = recordings
     if settings.leave_out_contacts:
-        recordings = _as_the_scene_sees_them(start, recordings)
+        recordings = _as_the_scene_sees_them(start, given)
     for _ in range(_MAX_REFITS):
         fitted = _fit(start, recordings, selected, settings, progress)
         if not settings.leave_out_contacts:
             return fitted, recordings, ()
         progress("contacts")
-        quiet = trimmed_fit(fitted.arm, start, recordings, selected, fitted.free, stride)
+        quiet = trimmed_fit(fitted.arm, start, given, selected, fitted.free, stride)
         found = [suspected_contacts(quiet, recording, bandwidth) for recording in recordings]
         contacts = tuple(contact for _, stretches in found for contact in stretches)
-        refined = [replace(r, free=free) for r, (free, _) in zip(recordings, found, strict=True)]
+        refined = [replace(r, free=r.usable & free) for r, (free, _) in zip(given, found, strict=True)]
         changed = sum(
             r.seconds * float(np.mean(r.usable != new.usable))
             for r, new in zip(recordings, refined, strict=True)
         )
         if changed < _UNCHANGED:
             return fitted, recordings, contacts
-        _check_rest(refined, contacts)
+        _check_rest(given, refined, contacts)
         recordings = refined
     return _fit(start, recordings, selected, settings, progress), recordings, contacts
 
@@ -224,8 +225,8 @@ def _as_the_scene_sees_them(start: CalibrationModel, recordings: list[FreeMotion
     hardly anything else determines the parameters.
     """
     found = [suspected_contacts(start, recording, start.scene.bandwidth) for recording in recordings]
-    refined = [replace(r, free=free) for r, (free, _) in zip(recordings, found, strict=True)]
-    return refined if _enough_rest(refined) else recordings
+    refined = [replace(r, free=r.usable & free) for r, (free, _) in zip(recordings, found, strict=True)]
+    return refined if _enough_rest(recordings, refined) else recordings
 
 
 def _fit(
@@ -247,11 +248,12 @@ def _fit(
         ) from None
 
 
-def _check_rest(recordings: list[FreeMotion], contacts: tuple[SuspectedContact, ...]) -> None:
+def _check_rest(
+    given: list[FreeMotion], refined: list[FreeMotion], contacts: tuple[SuspectedContact, ...]
+) -> None:
     """Refuse recordings with too little motion without contact."""
-    if not _enough_rest(recordings):
-        total = sum(recording.seconds for recording in recordings)
-        rest = sum(_usable_seconds(recording) for recording in recordings)
+    if not _enough_rest(given, refined):
+        total, rest = sum(map(_usable_seconds, given)), sum(map(_usable_seconds, refined))
         first = contacts[0]
         raise CalibrationError(
             f"{first.recording}: expected motion without contact, but something seems to push on the arm in "
@@ -260,9 +262,10 @@ def _check_rest(recordings: list[FreeMotion], contacts: tuple[SuspectedContact, 
         )
 
 
-def _enough_rest(recordings: list[FreeMotion]) -> bool:
-    total = sum(recording.seconds for recording in recordings)
-    return sum(map(_usable_seconds, recordings)) >= max(_MIN_SECONDS, _MIN_FREE * total)
+def _enough_rest(given: list[FreeMotion], refined: list[FreeMotion]) -> bool:
+    """Whether enough of the motion that was given is left without contacts."""
+    total = sum(map(_usable_seconds, given))
+    return sum(map(_usable_seconds, refined)) >= max(_MIN_SECONDS, _MIN_FREE * total)
 
 
 def _usable_seconds(recording: FreeMotion) -> float:
@@ -298,6 +301,9 @@ def _check(scene: Scene, recordings: list[FreeMotion]) -> None:
                 f"{recording.name}: link_readings: expected fields of the scene's sensors within the arm "
                 f"({', '.join(scene.link_sensors) or 'it has none'}), got {unknown}"
             )
+    usable = sum(map(_usable_seconds, recordings))
+    if usable < _MIN_SECONDS:
+        raise CalibrationError(f"free: expected at least {_MIN_SECONDS:g} s of use, got {usable:.2g} s")
 
 
 def _noise(

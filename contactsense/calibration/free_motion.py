@@ -57,6 +57,8 @@ class FreeMotion:
         if t.shape != (n,) or not np.all(np.isfinite(t)) or np.any(np.diff(t) <= 0.0):
             raise ValueError(f"{self.name}: t: expected {n} increasing times [s]")
         object.__setattr__(self, "t", t)
+        if self.free is not None and (np.shape(self.free) != (n,) or np.asarray(self.free).dtype != bool):
+            raise ValueError(f"{self.name}: free: expected {n} truth values, got {self.free!r:.60}")
 
     @property
     def readings(self) -> dict[str, np.ndarray]:

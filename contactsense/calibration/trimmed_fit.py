@@ -16,6 +16,7 @@ from contactsense.calibration.calibration_model import CalibrationModel
 from contactsense.calibration.equations import channels, linearize_all
 from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.parameters import Entry, apply_step, value
+from contactsense.calibration.recording_residuals import settled_samples
 from contactsense.calibration.residual_jacobian import Rows
 from contactsense.calibration.robust_least_squares import fit_robust
 
@@ -40,23 +41,21 @@ def trimmed_fit(
     Args:
         arm: A fit to all of them, about which the equations are linearized.
         start: The scene's values.
-        recordings: The motion; samples that they leave out count again.
+        recordings: The motion, as it was given; samples that they leave out do not count.
         selected: The parameters.
         free: Which of them are estimated, shape (k,), bool.
         stride: Number of samples per row.
     """
     bandwidth = start.scene.bandwidth
-    everything = [
-        linearize_all(arm, replace(recording, free=None), selected, bandwidth, stride)
-        for recording in recordings
-    ]
+    everything = [linearize_all(arm, recording, selected, bandwidth, stride) for recording in recordings]
+    usable = np.concatenate([part.usable[settled_samples(part, bandwidth) :: stride] for part in recordings])
     offset = np.array([value(arm, entry) - value(start, entry) for entry in selected])
     prior = np.array([entry.prior_std for entry in selected])
     count = channels(start.scene)
     step = np.zeros(len(selected))
     quiet: np.ndarray | None = None
     for _ in range(_STEPS):
-        chosen = _quietest(everything, step, count, quiet)
+        chosen = _quietest(everything, usable, step, count, quiet)
         if quiet is not None and np.mean(chosen != quiet) < 0.01:
             break
         quiet = chosen
@@ -71,9 +70,13 @@ def trimmed_fit(
 
 
 def _quietest(
-    everything: list[list[Rows]], step: np.ndarray, equations: int, quiet: np.ndarray | None
+    everything: list[list[Rows]],
+    usable: np.ndarray,
+    step: np.ndarray,
+    equations: int,
+    quiet: np.ndarray | None,
 ) -> np.ndarray:
-    """The rows with the smallest energy after a step, of all recordings in turn, bool."""
+    """The usable rows with the smallest energy after a step, of all recordings in turn, bool."""
     count = sum(len(rows[0].residual) for rows in everything)
     size = np.zeros((count, equations))
     first = 0
@@ -84,10 +87,10 @@ def _quietest(
             mean = uniform_filter1d(residual, max(1, round(WINDOW / row.dt)))
             size[first:last, row.channel] = np.where(row.moving, np.abs(mean), 0.0)
         first = last
-    known = np.ones(count, dtype=bool) if quiet is None else quiet
+    known = usable if quiet is None else quiet
     spread = np.array([_median(size[known & (size[:, c] > 0.0), c]) for c in range(equations)])
     energy = np.sum((size / spread) ** 2, axis=1)
-    return np.asarray(energy <= np.quantile(energy, QUIET))
+    return np.asarray(usable & (energy <= np.quantile(energy[usable], QUIET)))
 
 
 def _median(values: np.ndarray) -> float:

@@ -92,6 +92,42 @@ def test_the_first_fit_does_not_lean_towards_pushes(monkeypatch: pytest.MonkeyPa
     assert many.usable.all()
 
 
+@pytest.mark.slow
+def test_samples_that_are_not_free_are_never_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = Scene(robot="ur5e")
+    motion = FourierTrajectory.draw(np.random.default_rng(12), CENTER, np.full(6, 0.7), 8, 14.0)
+    touched = simulate(scene, motion, 13, 125.0, pushes=PUSHES[:1])
+    given = replace(touched, free=(touched.t < 5.0) | (touched.t > 6.0))
+    seen: list[np.ndarray] = []
+    module = sys.modules["contactsense.calibration.calibrate"]
+    fit, trimmed = module.fit_model, module.trimmed_fit
+
+    def fit_model(start: object, recordings: list[FreeMotion], *others: object) -> object:
+        seen.append(recordings[0].usable)
+        return fit(start, recordings, *others)
+
+    def trimmed_fit(arm: object, start: object, recordings: list[FreeMotion], *others: object) -> object:
+        seen.append(recordings[0].usable)
+        return trimmed(arm, start, recordings, *others)
+
+    monkeypatch.setattr(module, "fit_model", fit_model)
+    monkeypatch.setattr(module, "trimmed_fit", trimmed_fit)
+    found = calibrate(scene, [given], Settings(("bias",), widths=False))
+    assert len(seen) >= 2
+    assert not any(usable[~given.usable].any() for usable in seen)
+    (contact,) = found.contacts
+    assert contact.start < PUSHES[0].start
+    assert found.seconds == pytest.approx(given.seconds - 1.0 - (contact.stop - contact.start), abs=0.02)
+
+
+def test_a_recording_with_next_to_no_free_samples_is_refused() -> None:
+    start, touched = recorded(())
+    with pytest.raises(CalibrationError, match=r"free: expected at least 2 s of use, got 1 s"):
+        calibrate(start, [replace(touched, free=touched.t < 1.0)], SETTINGS)
+    with pytest.raises(ValueError, match=r"free: expected 1750 truth values, got array\(\["):
+        replace(touched, free=np.ones(len(touched.t)))
+
+
 def test_a_recording_full_of_contact_is_refused() -> None:
     pushes = tuple(Push(3, (0.0, 0.0, 0.05), (0.0, 40.0, 40.0), t, t + 1.4) for t in (1, 4, 7, 10))
     start, touched = recorded(pushes)
