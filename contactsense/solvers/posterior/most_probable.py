@@ -110,7 +110,8 @@ def most_probable_contact(
         prior: What is known beforehand; None: the defaults.
 
     Returns:
-        The contact, in the frame of the wrench. No measurement makes this raise.
+        The contact, in the frame of the wrench; `NOT_CONVERGED` if no search has found a mode. No measurement
+        makes this raise.
 
     Raises:
         ValueError: A shape is wrong, or the covariance is not symmetric and positive definite.
@@ -138,13 +139,15 @@ def most_probable_contact(
             covariance=R @ found.covariance @ R.T,
         )
     search = _Search(surface, np.concatenate((f, m)), np.linalg.inv(P), given)
-    status, starts = search.starts()
-    best = None
-    for start in starts:
-        contact = search.descend(start)
-        if best is None or contact.energy < best.energy:
-            best = contact
-    return search.nothing(status) if best is None else best
+    status, starts = search.starts(f)
+    if starts and f @ f < np.trace(P[:3, :3]):
+        # The line of a force below its noise can be anywhere, and so can these starts.
+        direction = f / np.abs(f).max()
+        starts += search.starts(given.force / np.linalg.norm(direction) * direction)[1]
+    modes = search.modes(starts)
+    if starts and not modes:
+        status = Status.NOT_CONVERGED
+    return min(modes, key=lambda contact: contact.energy, default=search.nothing(status))
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,17 +180,18 @@ class _Search:
         )
         self.buffers: SearchBuffers = zeros(SearchBuffers)
 
-    def starts(self) -> tuple[Status, list[_State]]:
-        """The contact of the measured wrench, and the place that its axis enters or comes nearest to."""
+    def starts(self, force: np.ndarray) -> tuple[Status, list[_State]]:
+        """The contact of a force with the measured moment, and the place that their axis enters or comes
+        nearest to."""
         states = []
         statuses = []
         methods: tuple[Method, ...] = ("exact", "wrench_axis")
         for method in methods:
-            found = solve_wrench(self.surface, self.w[:3], self.w[3:], method)
+            found = solve_wrench(self.surface, force, self.w[3:], method)
             statuses.append(found.status)
             if found.status.degenerate or found.status == Status.SHARP:
                 continue
-            f = np.array(pushing_force(_tuple(self.w), _tuple(found.normal)))
+            f = np.array(pushing_force(_tuple(force), _tuple(found.normal)))
             xi = found.torsion if found.ok and method == "exact" else 0.0
             state = self.on_surface(found.centroid, f, xi * found.normal)
             if state is not None:
@@ -206,6 +210,11 @@ class _Search:
 
     def energy(self, s: _State, inflation: Inflation) -> float:
         return float(energy_at(self.w, self.L, self.prior, inflation, s.contact()))
+
+    def modes(self, starts: list[_State]) -> list[ProbableContact]:
+        """The modes that steps from these starts lead to, as far as they are regular."""
+        found = [self.descend(start) for start in starts]
+        return [contact for contact in found if contact.log_evidence > -math.inf]
 
     def descend(self, s: _State) -> ProbableContact:
         """The mode that steps from a start lead to."""

@@ -12,11 +12,14 @@ from contactsense.robots.surface.convex_primitives import BOX, ELLIPSOID, REVOLV
 from contactsense.solvers import (
     Box,
     Capsule,
+    Cone,
     ContactPrior,
     Cylinder,
     Ellipsoid,
     Fingertip,
+    Paraboloid,
     Placed,
+    Plane,
     ProbableContact,
     Revolved,
     Sphere,
@@ -199,6 +202,31 @@ def test_a_line_that_misses_by_noise_touches_the_rim() -> None:
     assert found.force @ found.normal < 0.0
     farther = solve(Sphere(0.05), f, 3.0 * m, covariance=noise)
     assert farther.energy > found.energy + 10.0
+
+
+@pytest.mark.parametrize(
+    "surface",
+    [
+        Cylinder(0.05),
+        Cone(0.05, 0.3),
+        Plane((0.0, 0.0, 1.0), 0.02),
+        Paraboloid(5.0, 10.0, 0.05),
+        Sphere(0.05),
+    ],
+    ids=lambda surface: type(surface).__name__,
+)
+@pytest.mark.parametrize("size", [1e-300, 1e-12, 1e-3])
+def test_a_force_far_below_its_noise_has_a_mode(surface: Surface, size: float) -> None:
+    """Its line passes kilometres away, where the search began and ended."""
+    rng = np.random.default_rng(7)
+    for _ in range(4):
+        f, m = size * rng.standard_normal(3), 0.01 * rng.standard_normal(3)
+        found = solve(surface, f, m, covariance=NOISE)
+        assert found.ok
+        assert 0.0 < found.energy < 40.0
+        assert np.isfinite(found.log_evidence)
+        assert np.linalg.eigvalsh(found.covariance)[1] > 1e-6
+        assert found.force @ found.normal < 0.0
 
 
 @pytest.mark.parametrize(
