@@ -97,8 +97,9 @@ def cached(robot: Robot, meshes: Mapping[str, trimesh.Trimesh], folder: Path | N
 def _fingerprint(robot: Robot, meshes: Mapping[str, trimesh.Trimesh]) -> str:
     digest = hashlib.sha256(f"{CELL} {BAND} {_DENSITY}".encode())
     for name in robot.link_names:
+        # Links without a mesh too: grids are found by the number of the link.
+        digest.update(name.encode())
         if name in meshes:
-            digest.update(name.encode())
             digest.update(np.ascontiguousarray(meshes[name].vertices).tobytes())
             digest.update(np.ascontiguousarray(meshes[name].faces).tobytes())
     return digest.hexdigest()[:16]

@@ -1,5 +1,6 @@
 """The signed-distance grid of a skin: its values, its gradient, the way onto the skin, and its files."""
 
+from dataclasses import replace
 from multiprocessing import get_context
 from multiprocessing.synchronize import Barrier
 from pathlib import Path
@@ -130,6 +131,15 @@ def test_files_are_made_once_and_read_back(
     gridding.cached(robot, {"ball": meshes["ball"].copy().apply_scale(1.1)}, tmp_path)
     assert len(list(tmp_path.iterdir())) == 4
     assert len(asked) == 2
+
+
+def test_a_further_link_without_mesh_needs_other_grids(
+    tmp_path: Path, robot: Robot, meshes: dict[str, trimesh.Trimesh]
+) -> None:
+    gridding.cached(robot, meshes, tmp_path)
+    (hinge,), (base, ball) = robot.joints, robot.links
+    longer = Robot("ball", (base, Link("hub", base.inertia), ball), (hinge, replace(hinge, name="second")))
+    assert gridding.cached(longer, meshes, tmp_path).shape[:, 0].astype(bool).tolist() == [False, False, True]
 
 
 def test_damaged_files_are_refused(tmp_path: Path, grids: grid.Grids) -> None:
