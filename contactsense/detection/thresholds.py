@@ -15,7 +15,11 @@ from contactsense.scene import Scene
 from contactsense.sensors.usable_sensors import Usable
 
 LONGEST_STEP_MS = 20
-"""For longer sample times the thresholds are those of this one [ms]."""
+"""For longer sample times the thresholds are those of this one [ms]: there are fewer false alarms."""
+HALVINGS = 4
+"""Sample times below 1 ms are 1/2, 1/4, ... ms, as many as this."""
+STEPS = HALVINGS + LONGEST_STEP_MS
+"""Number of sample times that have thresholds of their own."""
 
 
 def degrees_of_freedom_of(joints: int, usable: Usable) -> int:
@@ -29,11 +33,11 @@ def stream_thresholds(scene: Scene) -> np.ndarray:
 
     Returns:
         Onset and release threshold, and onset threshold of the EWMA (infinite where it is not tested), for
-        each set of sensors, see `sensor_set`, and each usual sample time of 1, 2, ... ms; shape (4 (S + 1),
-        LONGEST_STEP_MS, 3).
+        each set of sensors, see `sensor_set`, and each usual sample time, see `threshold_index`; shape
+        (4 (S + 1), STEPS, 3).
     """
     joints = len(scene.robot.joints)
-    thresholds = np.zeros((4 * (len(scene.link_sensors) + 1), LONGEST_STEP_MS, 3))
+    thresholds = np.zeros((4 * (len(scene.link_sensors) + 1), STEPS, 3))
     cached: dict[int, np.ndarray] = {}
     for i in range(len(thresholds)):
         # Link sensors are alike: only their number counts.
@@ -41,15 +45,16 @@ def stream_thresholds(scene: Scene) -> np.ndarray:
         degrees_of_freedom = degrees_of_freedom_of(joints, used)
         if degrees_of_freedom not in cached:
             cached[degrees_of_freedom] = np.array(
-                [_thresholds(scene, degrees_of_freedom, step) for step in range(LONGEST_STEP_MS)]
+                [_thresholds(scene, degrees_of_freedom, index) for index in range(STEPS)]
             )
         thresholds[i] = cached[degrees_of_freedom]
     return thresholds
 
 
-def _thresholds(scene: Scene, degrees_of_freedom: int, step: int) -> tuple[float, float, float]:
-    """One entry of `stream_thresholds`, for sample times of `step` + 1 ms."""
-    release, dt = release_threshold(degrees_of_freedom), 1e-3 * (step + 1)
+def _thresholds(scene: Scene, degrees_of_freedom: int, index: int) -> tuple[float, float, float]:
+    """One entry of `stream_thresholds`, for the sample times of that `threshold_index`."""
+    release = release_threshold(degrees_of_freedom)
+    dt = 1e-3 * (index + 1 - HALVINGS if index >= HALVINGS else 0.5 ** (HALVINGS - index))
     if scene.base_wrench is not None:
         onset = onset_threshold(scene.false_alarms_per_hour, degrees_of_freedom, scene.bandwidth, dt)
         return onset, release, math.inf
@@ -89,5 +94,8 @@ def sensor_set(has_base: bool, has_torque: bool, link_sensors: int) -> int:
 
 @kernel
 def threshold_index(usual_step: float) -> int:
-    """Index of a stream's usual sample time [s] in the table of `stream_thresholds`."""
-    return int(min(max(round(1e3 * usual_step), 1), LONGEST_STEP_MS)) - 1
+    """Index of a stream's usual sample time [s] in the table of `stream_thresholds`: ..., 1/4, 1/2, 1, 2, 3,
+    ... ms. That of 1 ms if the sample time is not known yet, so zero."""
+    if 0.0 < usual_step < 1e-3:
+        return HALVINGS - int(min(round(-math.log2(1e3 * usual_step)), HALVINGS))
+    return HALVINGS + int(min(max(round(1e3 * usual_step), 1), LONGEST_STEP_MS)) - 1

@@ -5,7 +5,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from contactsense.detection.thresholds import LONGEST_STEP_MS, stream_thresholds
+from contactsense.detection.thresholds import STEPS, stream_thresholds
 from contactsense.isolation.link_hypotheses import SensorModel
 from contactsense.kinematics.model import Model
 from contactsense.kinematics.wrench_transform import wrench_transform
@@ -71,7 +71,7 @@ class Constants(NamedTuple):
     """Inverse of the averaging time of biases [1/s]; 0: biases are constant."""
     limits: ReadingLimits
     """Limits of plausible readings."""
-    thresholds: Annotated[Floats, f"4 * (link_sensors + 1), {LONGEST_STEP_MS}, 3"]
+    thresholds: Annotated[Floats, f"4 * (link_sensors + 1), {STEPS}, 3"]
     """Onset and release thresholds, and the onset threshold of the residuals' EWMA, see
     `contactsense.detection.thresholds.stream_thresholds`."""
 

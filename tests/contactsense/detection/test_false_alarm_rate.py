@@ -15,6 +15,7 @@ from contactsense.detection.false_alarm_rate import (
     sample_threshold,
 )
 from contactsense.detection.thresholds import (
+    STEPS,
     degrees_of_freedom_of,
     sensor_set,
     stream_thresholds,
@@ -147,6 +148,22 @@ def test_each_link_sensor_adds_six_residuals(has_base: bool) -> None:
             average = onset_threshold(per_hour, degrees, RELATIVE_BANDWIDTH * scene.bandwidth, 0.004)
         onset = onset_threshold(per_hour, degrees, scene.bandwidth, 0.004)
         np.testing.assert_allclose(row, (onset, release_threshold(degrees), average))
+
+
+@pytest.mark.parametrize("rate", [250, 500, 1000, 2000, 4000, 8000])
+def test_the_threshold_of_a_stream_is_that_of_its_rate(rate: int) -> None:
+    scene = Scene(robot="ur5e", joint_torque=None)
+    expected = onset_threshold(scene.false_alarms_per_hour, 6, scene.bandwidth, 1.0 / rate)
+    row = stream_thresholds(scene)[sensor_set(True, False, 0)]
+    for jitter in (0.9, 1.0, 1.1):
+        assert row[threshold_index(jitter / rate), 0] == pytest.approx(expected, abs=0.15)
+    assert row[threshold_index(1.0 / rate), 0] == pytest.approx(expected)
+
+
+def test_sample_times_beyond_the_table_and_unknown_ones_have_thresholds() -> None:
+    assert threshold_index(1e-9) == 0
+    assert threshold_index(5.0) == STEPS - 1
+    assert threshold_index(0.0) == threshold_index(0.001)
 
 
 def test_the_detectable_force_is_that_of_the_worst_direction() -> None:
