@@ -63,9 +63,10 @@ class ContactSummary:
     impulse: float
     """Integral of the magnitude of the force over time [N s]."""
     torsion: float
-    """Moment on the robot about the outward normal at the time of the largest force [Nm]."""
+    """Moment on the robot about the outward normal at the time of the largest force [Nm]; NaN without a
+    link."""
     speed: float
-    """Speed of the arm at the contact point when the contact began [m/s]."""
+    """Speed of the arm at the contact point when the contact began [m/s]; NaN without a link."""
     slides: bool
     """Whether the contact point moved for longer than it was at rest."""
     energy: float

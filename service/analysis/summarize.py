@@ -170,8 +170,8 @@ class Summarizer:
             transient_force=float(np.max(force[early])),
             quasi_static_force=float(np.max(force[~early], initial=0.0)),
             impulse=float(np.trapezoid(force, history.t)),
-            torsion=0.0,
-            speed=0.0,
+            torsion=np.nan,
+            speed=np.nan,
             q=history.block.q[peak].copy(),
             curve=_thinned(history.t, force),
         )

@@ -237,7 +237,7 @@ def _print(found: Analysis, folder: Path) -> None:
             f"{contact.duration:.2f}",
             f"{contact.impulse:.2f}",
             place,
-            f"{contact.speed:.2f}",
+            f"{contact.speed:.2f}" if contact.link else "",
         )
     doubtful = warning(found)
     if doubtful:

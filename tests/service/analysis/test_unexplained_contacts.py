@@ -6,6 +6,7 @@ import pytest
 from contactsense import Scene, WrenchSensor
 from contactsense.scene_model.arm_weight import ArmWeight
 from contactsense.service.analysis.analysis import AnalysisRun
+from contactsense.service.analysis.contact_table import contact_rows
 from contactsense.service.recordings import Recording
 from tests.plain_arm import plain_ur5e
 
@@ -48,3 +49,6 @@ def test_a_line_of_action_that_misses_the_arm(
     assert found.peak_force == pytest.approx(size, abs=1.0)
     assert found.impulse == pytest.approx(0.6 * size, rel=0.03)
     np.testing.assert_allclose(found.force_base, force, atol=1.0)
+    # Without a place nothing is known of what the arm does there: 0 would be an arm at rest.
+    (row,) = contact_rows((found,))
+    assert [row[name] for name in ("point_x", "torsion", "speed")] == [None, None, None]
