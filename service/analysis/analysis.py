@@ -127,9 +127,14 @@ def analyze(
 
     Raises:
         RecordingError: the file cannot be read or lacks a column.
-        TypeError: `recording` or `scene` is of another type.
+        TypeError: `recording`, `scene` or `limits` is of another type.
+        ValueError: `localizer` is one of another scene.
     """
     check_scene(scene)
+    if not isinstance(limits, ForceLimits | None):
+        raise TypeError(f"limits: expected ForceLimits, as ForceLimits.load returns, got {limits!r:.60}")
+    if localizer is not None and localizer.scene != scene:
+        raise ValueError("localizer: expected one of the same scene, got one of another")
     if not isinstance(recording, Recording | RecordingFile):
         if not isinstance(recording, str | Path):
             raise TypeError(

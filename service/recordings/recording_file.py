@@ -188,7 +188,12 @@ def read(
     Raises:
         RecordingError: The file cannot be read, lacks a column, or contains no scene and none was given.
         MappingError: `columns` cannot be used.
+        TypeError: It is of another type.
     """
+    if not isinstance(columns, ColumnMapping | str | None):
+        raise TypeError(
+            f"columns: expected a ColumnMapping, or text such as 'q=joint,time_unit=ms', got {columns!r:.60}"
+        )
     mapping = columns if isinstance(columns, ColumnMapping) else ColumnMapping.parse(columns)
     if scene is None:
         scene = scene_in(Path(path))

@@ -112,6 +112,17 @@ def test_what_is_no_recording_and_what_is_no_scene_is_told(tmp_path: Path) -> No
         read({}, Scene(robot="ur5e"))  # type: ignore[arg-type]
 
 
+def test_what_belongs_to_another_scene_or_is_of_another_type_is_told(tmp_path: Path) -> None:
+    path = write_motion(demo(), tmp_path / "part.parquet", last=100)
+    wall = Localizer(Scene(robot="ur5e", mounting="wall"))
+    with pytest.raises(ValueError, match="localizer: expected one of the same scene"):
+        analyze(path, SCENE, localizer=wall)
+    with pytest.raises(TypeError, match=r"limits: expected ForceLimits, .* got \{'hand': 100\}"):
+        analyze(path, SCENE, limits={"hand": 100})  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match=r"columns: expected a ColumnMapping, .* got \{'q': 'joint'\}"):
+        read(path, SCENE, {"q": "joint"})  # type: ignore[arg-type]
+
+
 def test_the_table_is_written_as_parquet_and_csv(analysis: Analysis, tmp_path: Path) -> None:
     write_contacts(analysis.to_arrow(), tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["contacts.csv", "contacts.parquet"]
