@@ -21,7 +21,8 @@ from contactsense.calibration.residual_jacobian import Rows
 from contactsense.calibration.robust_least_squares import fit_robust
 
 QUIET = 0.6
-"""Fraction of the samples that is fitted."""
+"""Fraction of the samples that is fitted, of all recordings with the same sensors: with fewer sensors the
+energy is lower."""
 WINDOW = 0.3
 """Residuals are averaged over this time [s]."""
 _STEPS = 10
@@ -54,12 +55,15 @@ def trimmed_fit(
     count = channels(start.scene)
     step = np.zeros(len(selected))
     quiet: np.ndarray | None = None
+    sensors = [(part.torque is not None, *sorted(part.readings)) for part in recordings]
+    lengths = [len(rows[0].residual) for rows in everything]
+    group = np.repeat([sensors.index(own) for own in sensors], lengths)
     for _ in range(_STEPS):
-        chosen = _quietest(everything, usable, step, count, quiet)
+        chosen = _quietest(everything, usable, group, step, count, quiet)
         if quiet is not None and np.mean(chosen != quiet) < 0.01:
             break
         quiet = chosen
-        masks = np.split(quiet, np.cumsum([len(rows[0].residual) for rows in everything])[:-1])
+        masks = np.split(quiet, np.cumsum(lengths)[:-1])
         rows = [
             replace(row, moving=row.moving & mask)
             for part, mask in zip(everything, masks, strict=True)
@@ -72,11 +76,13 @@ def trimmed_fit(
 def _quietest(
     everything: list[list[Rows]],
     usable: np.ndarray,
+    group: np.ndarray,
     step: np.ndarray,
     equations: int,
     quiet: np.ndarray | None,
 ) -> np.ndarray:
-    """The usable rows with the smallest energy after a step, of all recordings in turn, bool."""
+    """The usable rows with the smallest energy after a step, of all recordings in turn, bool: the same
+    fraction of the rows of each `group`."""
     count = sum(len(rows[0].residual) for rows in everything)
     size = np.zeros((count, equations))
     first = 0
@@ -90,7 +96,11 @@ def _quietest(
     known = usable if quiet is None else quiet
     spread = np.array([_median(size[known & (size[:, c] > 0.0), c]) for c in range(equations)])
     energy = np.sum((size / spread) ** 2, axis=1)
-    return np.asarray(usable & (energy <= np.quantile(energy[usable], QUIET)))
+    chosen = np.zeros(count, dtype=bool)
+    for number in np.unique(group[usable]):
+        own = usable & (group == number)
+        chosen |= own & (energy <= np.quantile(energy[own], QUIET))
+    return chosen
 
 
 def _median(values: np.ndarray) -> float:
