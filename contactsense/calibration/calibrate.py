@@ -316,8 +316,6 @@ def _noise(
     """Noise and model error of the joints; and force and moment noise of each force/torque sensor, by field,
     which includes its model error."""
     joints = len(arm.gain)
-    dt = float(np.median(np.concatenate([np.diff(recording.t) for recording in recordings])))
-    variance_ratio = noise_variance_ratio(bandwidth, dt)
     noise_levels = None
     parts = list(zip(recordings, usable, residual, strict=True))
     with_torque = [(s, rows, r[:, :joints]) for s, rows, r in parts if s.torque is not None]
@@ -330,15 +328,21 @@ def _noise(
                     r, s.qd[rows], friction(arm, s)[rows], timing_variance[rows], inertia_torque[rows]
                 )
             )
-        noise_levels = estimate_noise(residuals, dt, variance_ratio, bandwidth)
+        dt = _sample_time([s for s, _, _ in with_torque])
+        noise_levels = estimate_noise(residuals, dt, noise_variance_ratio(bandwidth, dt), bandwidth)
     wrenches = {}
     for number, field in enumerate(("base_wrench", *arm.scene.link_sensors)):
         first = joints + 6 * number
+        read = [part for part in parts if field in part[0].readings]
         own = [
-            wrench_residuals(arm, s, rows, r[:, first : first + 6], field, bandwidth)
-            for s, rows, r in parts
-            if field in s.readings
+            wrench_residuals(arm, s, rows, r[:, first : first + 6], field, bandwidth) for s, rows, r in read
         ]
         if own:
-            wrenches[field] = wrench_noise(own, variance_ratio)
+            dt = _sample_time([s for s, _, _ in read])
+            wrenches[field] = wrench_noise(own, noise_variance_ratio(bandwidth, dt))
     return noise_levels, wrenches
+
+
+def _sample_time(recordings: list[FreeMotion]) -> float:
+    """Usual sample time of the recordings of one sensor [s]; other sensors may have been read less often."""
+    return float(np.median(np.concatenate([np.diff(recording.t) for recording in recordings])))

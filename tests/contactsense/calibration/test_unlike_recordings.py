@@ -43,6 +43,12 @@ def _calibrated(*recordings: FreeMotion) -> Calibration:
     return calibrate(SEARCHED, list(recordings), Settings(groups, widths=False))
 
 
+def test_the_noise_of_a_sensor_is_that_at_its_own_rate() -> None:
+    found = _calibrated(_recording(1, 500.0).with_readings({}), _recording(2, 100.0)).scene
+    assert found.base_wrench is not None
+    assert found.base_wrench.force_noise == pytest.approx(0.5, rel=0.15)
+
+
 def test_many_samples_of_one_sensor_leave_those_of_two_their_part() -> None:
     """Where a sample of two sensors has twice the energy, none was among the quietest ones, and the friction
     could not be fitted to these."""
