@@ -16,6 +16,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import solve_toeplitz
 from scipy.signal import fftconvolve
 
 from contactsense.calibration.residual_jacobian import Rows
@@ -42,7 +43,8 @@ class RobustFit:
     sigma: np.ndarray
     """Robust standard deviation of each equation's residual after the step, shape (C,); NaN without rows."""
     cost: float
-    """Twice the negative log likelihood of the residuals up to a constant: sum of N / tau ln sigma^2."""
+    """Twice the negative log likelihood of the residuals up to a constant: sum of N ln of the variance of
+    their innovations, what the rows before do not predict (the Whittle likelihood)."""
 
 
 def fit_robust(
@@ -107,7 +109,7 @@ def fit_robust(
     if unexcited is not None and unexcited.any():
         sensitivity = bread @ H[:, unexcited] * prior[unexcited]
         covariance += sensitivity @ sensitivity.T
-    cost = sum(counts[c] / tau[c] * np.log(sigma[c] ** 2) for c in range(channels) if counts[c])
+    cost = sum(n * np.log(_innovation_variance(covariances[c])) for c, n in enumerate(counts) if n)
     return RobustFit(step, covariance, H, sigma, float(cost))
 
 
@@ -165,6 +167,15 @@ def _correlation_time(covariance: np.ndarray) -> float:
     if covariance[0] <= 0.0:
         return 1.0
     return float(max(1.0, (covariance[0] + 2.0 * covariance[1:].sum()) / covariance[0]))
+
+
+def _innovation_variance(covariance: np.ndarray) -> float:
+    """Variance of the error of the best linear prediction from all lags, of an autocovariance."""
+    least = 1e-18
+    if len(covariance) < 2 or covariance[0] <= least:
+        return float(max(covariance[0], least))
+    prediction = solve_toeplitz(covariance[:-1], covariance[1:])
+    return float(max(covariance[0] - covariance[1:] @ prediction, least))
 
 
 def _require_regular(A: np.ndarray) -> None:

@@ -1,4 +1,4 @@
-"""Metrics for Prometheus: rates, ages, losses, times, connections. Computed at each request."""
+"""Metrics for Prometheus: rates, ages, losses, times, connections, reactions. Computed at each request."""
 
 from collections.abc import Callable, Iterator
 
@@ -37,6 +37,7 @@ class ServiceCollector(Collector):
         yield status
         yield from self._gauges(health)
         yield from self._counters(health)
+        yield from _reactions(health)
         yield from _steps(health)
 
     @staticmethod
@@ -45,6 +46,7 @@ class ServiceCollector(Collector):
         for name, help_text, value in (
             ("uptime_seconds", "Time since the service began.", health.uptime),
             ("ready", "Whether estimates are current.", float(health.ready)),
+            ("collisions_latched", "Collisions not acknowledged.", health.reactions.latched),
             ("samples_per_second", "Samples over the last second.", source.rate),
             ("sample_age_seconds", "Time since the latest sample.", source.age),
             ("estimate_age_seconds", "Time since the latest estimate arrived.", pipeline.estimate_age),
@@ -91,6 +93,20 @@ class ServiceCollector(Collector):
                 lost.add_metric([name], sensor.lost)
         yield received
         yield lost
+
+
+def _reactions(health: HealthOut) -> Iterator[Metric]:
+    started = CounterMetricFamily(
+        "contactsense_actions_started", "Starts of an action of the reactions.", labels=["action"]
+    )
+    failed = CounterMetricFamily(
+        "contactsense_actions_failed", "Failures of an action of the reactions.", labels=["action"]
+    )
+    for name, action in health.reactions.actions.items():
+        started.add_metric([name], action.started)
+        failed.add_metric([name], action.failed)
+    yield started
+    yield failed
 
 
 def _steps(health: HealthOut) -> Iterator[Metric]:

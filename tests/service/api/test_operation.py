@@ -15,8 +15,9 @@ import pytest
 from contactsense.service import logs
 from contactsense.service.api.app import create_app
 from contactsense.service.api.messages import SensorHealth, SourceHealth
+from contactsense.service.api.metrics import Metrics
 from contactsense.service.api.settings import Settings
-from contactsense.service.reactions.health import ActionHealth
+from contactsense.service.reactions.health import ActionHealth, ReactionsHealth
 from tests.service import fakes, http
 from tests.service.serving import serving
 
@@ -287,3 +288,12 @@ def test_an_action_that_failed_is_told_until_an_attempt_succeeds() -> None:
             actions = {"door": action.model_dump()}
             app.state.service.reactions.handle_report({**report, "actions": actions})
             assert app.state.service._troubles() == told
+
+
+def test_latched_collisions_and_failures_of_actions_can_be_alerted_on() -> None:
+    reactions = ReactionsHealth(latched=2, actions={"lamp": ActionHealth(type="http", started=5, failed=3)})
+    health = create_app(Settings()).state.service.health().model_copy(update={"reactions": reactions})
+    lines = Metrics(lambda: health).text().decode().splitlines()
+    assert "contactsense_collisions_latched 2.0" in lines
+    assert 'contactsense_actions_started_total{action="lamp"} 5.0' in lines
+    assert 'contactsense_actions_failed_total{action="lamp"} 3.0' in lines
