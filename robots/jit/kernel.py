@@ -59,6 +59,9 @@ def kernel(function: F) -> F:
     `contactsense.robots.jit.array_views.copy` for that). Nor can it return arrays, least of all to Python. As
     nothing has to be released, compiled code does not count references to arrays, which saves a quarter of
     the time of a sample; the caller keeps the arrays alive.
+
+    An index that is computed counts from the start and must not be negative
+    (`contactsense.robots.jit.nonnegative_indices`); `NUMBA_BOUNDSCHECK=1` raises an IndexError if one is.
     """
     return _compile(function, frozenset())
 

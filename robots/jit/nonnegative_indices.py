@@ -2,7 +2,7 @@
 
 In Python `a[i]` with a negative i counts from the end, so that Numba compares each index with zero, and adds
 the array's length where it is less. No kernel means that by an index that it computes, and the comparisons
-take a twelfth of the time of a sample. A constant, as in `a[-1]`, still counts from the end.
+take a twelfth of a batch's time. A constant, as in `a[-1]`, still counts from the end.
 """
 
 from collections.abc import Iterator

@@ -16,6 +16,7 @@ from contactsense.service import logs
 from contactsense.service.api.app import create_app
 from contactsense.service.api.messages import SensorHealth, SourceHealth
 from contactsense.service.api.metrics import Metrics
+from contactsense.service.api.service import Service
 from contactsense.service.api.settings import Settings
 from contactsense.service.reactions.health import ActionHealth, ReactionsHealth
 from tests.service import fakes, http
@@ -78,21 +79,21 @@ def test_messages_that_could_not_be_handled_are_counted() -> None:
     assert (pipeline.message_errors, pipeline.last_message_error) == (2, "report: OSError: disk full")
 
 
+async def _reload(service: Service) -> None:
+    async with service.running():
+        await service.reload()
+
+
 def test_a_reload_takes_a_good_scene_and_leaves_a_bad_one(tmp_path: Path) -> None:
     path = tmp_path / "scene.yaml"
     path.write_text("robot: ur5e\n")
     service = create_app(Settings(scene=path)).state.service
-
-    async def reload() -> None:
-        async with service.running():
-            await service.reload()
-
     path.write_text("robot: ur10e\n")
-    asyncio.run(reload())
+    asyncio.run(_reload(service))
     assert service.reloaded.ok
     assert service.scene.robot.name == "ur10e"
     path.write_text("robot: none-such\n")
-    asyncio.run(reload())
+    asyncio.run(_reload(service))
     assert not service.reloaded.ok
     assert "none-such" in service.reloaded.message
     assert service.scene.robot.name == "ur10e"
@@ -106,13 +107,8 @@ def test_a_reload_does_not_need_the_folder_for_recordings(tmp_path: Path) -> Non
     service = create_app(settings).state.service
     folder.rmdir()
     folder.write_text("a disk that is away, or can only be read")
-
-    async def reload() -> None:
-        async with service.running():
-            await service.reload()
-
     path.write_text("robot: ur10e\n")
-    asyncio.run(reload())
+    asyncio.run(_reload(service))
     assert service.reloaded.ok
     assert service.scene.robot.name == "ur10e"
 
@@ -122,13 +118,8 @@ def test_a_reload_tells_of_a_restart_only_where_a_pipeline_runs(
     pipeline: bool, caplog: pytest.LogCaptureFixture
 ) -> None:
     service = create_app(Settings(), fakes.Mute if pipeline else None).state.service
-
-    async def reload() -> None:
-        async with service.running():
-            await service.reload()
-
     with caplog.at_level(logging.INFO, logger="contactsense"):
-        asyncio.run(reload())
+        asyncio.run(_reload(service))
     (line,) = [text for text in caplog.messages if text.startswith("reload: ")]
     assert ("the pipeline is being restarted" in line) == pipeline
 
@@ -155,20 +146,15 @@ def test_rules_beside_the_scene_are_reloaded_and_may_forbid_it(tmp_path: Path) -
     path.write_text("robot: ur5e\n")
     rules.write_text("rules: [{name: a, links: [any], contact: {force: 5}}]")
     service = create_app(Settings(scene=path)).state.service
-
-    async def reload() -> None:
-        async with service.running():
-            await service.reload()
-
     path.write_text("robot: ur10e\n")
     for bad in ("rules: [{name: b, links: [leg], contact: {force: 5}}]", "actions: {x: {type: registers}}"):
         rules.write_text(bad)
-        asyncio.run(reload())
+        asyncio.run(_reload(service))
         assert service.scene.robot.name == "ur5e"
         assert "reactions.yaml" in service.reloaded.message
         assert service.reactions.rules.rules[0].name == "a"
     rules.write_text("rules: [{name: b, links: [any], contact: {force: 5}}]")
-    asyncio.run(reload())
+    asyncio.run(_reload(service))
     assert service.reloaded.ok
     assert service.reactions.rules.rules[0].name == "b"
     assert service.scene.robot.name == "ur10e"
