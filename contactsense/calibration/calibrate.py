@@ -124,11 +124,7 @@ def calibrate(
     noise_levels, wrenches = _noise(arm, recordings, usable, after, scene.bandwidth)
     values = _values(start, arm, fitted, selected)
     warnings = _warnings(scene, recordings, fitted, selected, noise_levels, progress)
-    changed = {
-        str(entry.group)
-        for i, entry in enumerate(selected)
-        if (fitted.free[i] or i in fitted.at_zero) and (entry.group != "tilt" or values[i].changed)
-    }
+    changed = {str(entry.group) for i, entry in enumerate(selected) if fitted.free[i] or i in fitted.at_zero}
     return Calibration(
         scene=scene_of(arm, changed, noise_levels, wrenches),
         values=tuple(v for v in values if v.entry.group != "links"),
@@ -204,7 +200,10 @@ def _fit_without_contacts(
             return fitted, recordings, ()
         progress("contacts")
         quiet = trimmed_fit(fitted.arm, start, given, selected, fitted.free, stride)
-        found = [suspected_contacts(quiet, recording, bandwidth) for recording in recordings]
+        found = [
+            suspected_contacts(quiet.arm, recording, bandwidth, uncertainty)
+            for recording, uncertainty in zip(recordings, quiet.uncertainty, strict=True)
+        ]
         contacts = tuple(contact for _, stretches in found for contact in stretches)
         refined = [replace(r, free=r.usable & free) for r, (free, _) in zip(given, found, strict=True)]
         changed = sum(

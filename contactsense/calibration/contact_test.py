@@ -2,10 +2,11 @@
 
 The residuals are averaged over a window and divided by their own spread over the recording, a median absolute
 deviation, which contains model error and noise but hardly any contact, as long as the arm is touched for less
-than half of the time. Their squared length is the energy of a window. Without contact it is a chi-square
-variable of as many degrees of freedom as there are channels; the tails of model errors are heavier, by a
-factor that was measured on real arms (`_TAILS`). Around each window beyond this limit, everything above the
-level of ordinary windows belongs to the contact (thresholds with hysteresis).
+than half of the time. The uncertainty of the model's parameters adds to it. Their squared length is the
+energy of a window. Without contact it is a chi-square variable of as many degrees of freedom as there are
+channels; the tails of model errors are heavier, by a factor that was measured on real arms (`_TAILS`). Around
+each window beyond this limit, everything above the level of ordinary windows belongs to the contact
+(thresholds with hysteresis).
 
 Friction is not taken for a contact: the spread of slow and of fast motion is measured apart, and a joint at
 rest may hold any torque up to its Coulomb friction. While the arm rests, the change of the torques counts as
@@ -71,7 +72,7 @@ class SuspectedContact:
 
 
 def suspected_contacts(
-    arm: CalibrationModel, recording: FreeMotion, bandwidth: float
+    arm: CalibrationModel, recording: FreeMotion, bandwidth: float, uncertainty: np.ndarray | None = None
 ) -> tuple[np.ndarray, tuple[SuspectedContact, ...]]:
     """Where something seems to push on the arm.
 
@@ -79,6 +80,8 @@ def suspected_contacts(
         arm: The model that was fitted to the recording.
         recording: The motion; samples that it already leaves out do not count for the spread.
         bandwidth: Cut-off frequency of the observer [Hz].
+        uncertainty: Standard deviation of each averaged residual that follows from that of the model's
+            parameters, shape (N, C); None: zero.
 
     Returns:
         Which samples are free of contacts, shape (N,), bool; and the contacts in the others.
@@ -91,13 +94,16 @@ def suspected_contacts(
     residual[:settled] = 0.0
     mean = uniform_filter1d(residual, max(3, round(WINDOW / dt)), axis=0)
     excess = np.abs(mean)
-    # A joint at rest holds any torque up to Coulomb friction.
-    excess[:, :joints] -= np.where(recently_moved(recording), 0.0, arm.coulomb)
+    # A joint at rest holds any torque up to Coulomb friction. A fit to part of a motion may find it negative.
+    excess[:, :joints] -= np.where(recently_moved(recording), 0.0, np.maximum(arm.coulomb, 0.0))
     known = recording.usable.copy()
     known[:settled] = False
     slow = np.zeros(mean.shape, dtype=bool)
     slow[:, :joints] = np.abs(recording.qd) < _SLOW
-    score = (np.maximum(excess, 0.0) / _spread(np.abs(mean), slow, known))[:, used]
+    spread = _spread(np.abs(mean), slow, known)
+    if uncertainty is not None:
+        spread = np.hypot(spread, uncertainty)
+    score = (np.maximum(excess, 0.0) / spread)[:, used]
     energy = np.sum(score**2, axis=1)
     channels = np.flatnonzero(used)
     ordinary = float(chdtri(len(channels), _ORDINARY_PROBABILITY))

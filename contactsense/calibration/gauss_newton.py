@@ -19,7 +19,8 @@ from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.identifiability import excited_directions
 from contactsense.calibration.parameters import NOT_NEGATIVE, OPTIONAL, Entry, apply_step, entries, value
 from contactsense.calibration.residual_jacobian import Rows, linearize
-from contactsense.calibration.robust_least_squares import RobustFit, fit_robust
+from contactsense.calibration.robust_least_squares import fit_robust
+from contactsense.calibration.sandwich_covariance import sandwich_covariance
 
 _MIN_ITERATIONS, _MAX_ITERATIONS = 3, 12
 _CONVERGED = 0.1
@@ -28,8 +29,8 @@ constants multiply the measurement, so they may need several."""
 _ROWS_PER_PERIOD = 10.0
 """Rows kept per second and hertz of bandwidth; more are redundant."""
 _MIN_SIGNIFICANCE = 2.5
-"""Load-dependent and lubricant friction are used if they differ from zero by this many standard deviations.
-"""
+"""Load-dependent and lubricant friction and a tilt are used if they differ from zero by this many standard
+deviations."""
 _VELOCITIES = (0.002, 0.005, 0.01, 0.02, 0.05)
 _LUBRICANT_VELOCITIES = (0.1, 0.2, 0.4)
 
@@ -77,7 +78,7 @@ def fit_model(
     bandwidth = start.scene.bandwidth
     solver = _GaussNewton(recordings, bandwidth, selected, start)
     choice = _Choice(np.ones(len(selected), dtype=bool))
-    arm, step, condition = start, None, 1.0
+    arm, last = start, None
     for number in range(_MAX_ITERATIONS):
         progress(f"round {number + 1}")
         if number < _MIN_ITERATIONS:
@@ -85,14 +86,30 @@ def fit_model(
         if number == 1 and widths and any(entry.group == "coulomb" for entry in selected):
             progress("velocities of the smooth sign functions")
             arm = _best_velocities(arm, recordings, bandwidth)
-        arm, step, condition = solver.solve(arm, choice, drop_optional=number > 0)
-        std, free = np.sqrt(np.diag(step.covariance)), choice.free
-        if number >= _MIN_ITERATIONS - 1 and np.all(np.abs(step.step[free]) <= _CONVERGED * std[free]):
+        last = solver.solve(arm, choice, drop_optional=number > 0)
+        arm, std, free = last.arm, np.sqrt(np.diag(last.covariance)), choice.free
+        if number >= _MIN_ITERATIONS - 1 and np.all(np.abs(last.step[free]) <= _CONVERGED * std[free]):
             break
-    assert step is not None
-    precision = step.information + np.diag([entry.prior_std**-2 for entry in selected])
-    covariance = solver.covariance(arm, choice) if choice.at_zero else step.covariance
-    return FittedModel(arm, covariance, precision, choice.free, choice.kept, choice.at_zero, condition)
+    assert last is not None
+    precision = last.information + np.diag([entry.prior_std**-2 for entry in selected])
+    covariance = solver.covariance(arm, choice) if choice.at_zero else last.covariance
+    return FittedModel(arm, covariance, precision, choice.free, choice.kept, choice.at_zero, last.condition)
+
+
+@dataclass(frozen=True)
+class _Iteration:
+    """Result of one iteration. k parameters."""
+
+    arm: CalibrationModel
+    """At the minimum of the linearized equations."""
+    step: np.ndarray
+    """Change of the parameters, shape (k,)."""
+    covariance: np.ndarray
+    """Of the parameters, shape (k, k)."""
+    information: np.ndarray
+    """Information matrix of the data, without the prior, shape (k, k)."""
+    condition: float
+    """Condition number of the scaled regressor of the estimated parameters."""
 
 
 @dataclass
@@ -137,24 +154,25 @@ class _GaussNewton:
         self._channels = channels(start.scene)
         self._stride = row_stride(recordings, bandwidth)
 
-    def solve(
-        self, arm: CalibrationModel, choice: _Choice, drop_optional: bool
-    ) -> tuple[CalibrationModel, RobustFit, float]:
-        """One iteration: the arm at the minimum of the linearized equations.
+    def solve(self, arm: CalibrationModel, choice: _Choice, drop_optional: bool) -> _Iteration:
+        """One iteration.
 
         Changes `choice`: parameters that cannot be estimated return to the scene's value or to zero.
         """
         rows = self._rows(arm)
         while True:
             offset = self._values(arm) - self._start
-            found = fit_robust(rows, self._prior, offset, choice.free, self._channels, choice.unexcited)
+            found = fit_robust(rows, self._prior, offset, choice.free, self._channels)
             excited, condition = excited_directions(found.information, self._chosen, choice.free)
             dropped = {int(i): _NOT_EXCITED for i in np.flatnonzero(choice.free & ~excited)}
             at_zero: dict[int, str] = {}
             if not dropped:
-                dropped, at_zero = self._rejected(arm, found, choice.free, drop_optional)
+                covariance = sandwich_covariance(rows, found, self._prior, choice.free, choice.unexcited)
+                std = np.sqrt(np.diag(covariance))
+                dropped, at_zero = self._rejected(arm, found.step, std, choice.free, drop_optional)
             if not (dropped or at_zero):
-                return apply_step(arm, self._chosen, found.step), found, condition
+                next_arm = apply_step(arm, self._chosen, found.step)
+                return _Iteration(next_arm, found.step, covariance, found.information, condition)
             choice.kept.update(dropped)
             choice.at_zero.update(at_zero)
             reset = np.zeros(len(choice.free))
@@ -172,9 +190,9 @@ class _GaussNewton:
         free = choice.free.copy()
         free[list(choice.at_zero)] = True
         offset = self._values(arm) - self._start
-        return fit_robust(
-            self._rows(arm), self._prior, offset, free, self._channels, choice.unexcited
-        ).covariance
+        rows = self._rows(arm)
+        found = fit_robust(rows, self._prior, offset, free, self._channels)
+        return sandwich_covariance(rows, found, self._prior, free, choice.unexcited)
 
     def _rows(self, arm: CalibrationModel) -> list[Rows]:
         return [
@@ -187,7 +205,12 @@ class _GaussNewton:
         return np.array([value(arm, entry) for entry in self._chosen])
 
     def _rejected(
-        self, arm: CalibrationModel, found: RobustFit, free: np.ndarray, drop_optional: bool
+        self,
+        arm: CalibrationModel,
+        step: np.ndarray,
+        std: np.ndarray,
+        free: np.ndarray,
+        drop_optional: bool,
     ) -> tuple[dict[int, str], dict[int, str]]:
         """Parameters that came out invalid or insignificant: those that keep the scene's value, and those
         that are zero. Of each joint only the most negative one is zero, as the others follow it."""
@@ -195,22 +218,22 @@ class _GaussNewton:
         worst: dict[int | None, tuple[float, int, str]] = {}
         for i in map(int, np.flatnonzero(free)):
             entry = self._chosen[i]
-            estimate = value(arm, entry) + found.step[i]
-            std = float(np.sqrt(found.covariance[i, i]))
+            estimate = value(arm, entry) + float(step[i])
+            error = float(std[i])
             is_negative = entry.group in NOT_NEGATIVE and estimate < 0.0
             is_optional = entry.group in OPTIONAL
-            is_small = is_optional and drop_optional and abs(estimate) < _MIN_SIGNIFICANCE * std
+            is_small = is_optional and drop_optional and abs(estimate) < _MIN_SIGNIFICANCE * error
             if not (is_negative or is_small):
                 continue
-            text = f"came out negative ({estimate:.3g} +- {std:.2g} {entry.unit})"
-            if is_optional and abs(estimate - self._start[i]) < _MIN_SIGNIFICANCE * std:
+            text = f"came out negative ({estimate:.3g} +- {error:.2g} {entry.unit})"
+            if is_optional and abs(estimate - self._start[i]) < _MIN_SIGNIFICANCE * error:
                 kept[i] = f"not significant in the data{NOT_ESTIMATED[0]}"
             elif is_optional and self._start[i] == 0.0:
                 kept[i] = text + NOT_ESTIMATED[0]
             else:
                 text = text if is_negative else "not significant in the data"
                 worst[entry.joint] = min(
-                    worst.get(entry.joint, (np.inf, i, "")), (estimate / std, i, text + NOT_ESTIMATED[1])
+                    worst.get(entry.joint, (np.inf, i, "")), (estimate / error, i, text + NOT_ESTIMATED[1])
                 )
         return kept, {i: text for _, i, text in worst.values()}
 

@@ -40,7 +40,9 @@ PER_JOINT: tuple[Group, ...] = ("bias", "coulomb", "viscous", "rotor", "load", "
 NOT_NEGATIVE: tuple[Group, ...] = ("coulomb", "viscous", "rotor", "load", "lubricant")
 OF_LINK_SENSORS: tuple[Group, ...] = ("link_bias", "link_turn", "link_shift", "link_delay")
 """Groups of the force/torque sensors within the arm."""
-OPTIONAL: tuple[Group, ...] = ("load", "lubricant")
+SMALL_FRICTION: tuple[Group, ...] = ("load", "lubricant")
+"""Terms of friction that many drives do not show."""
+OPTIONAL: tuple[Group, ...] = (*SMALL_FRICTION, "tilt")
 """Groups that keep the scene's values if they are not significant."""
 
 INERTIA_ERROR = 0.1

@@ -114,8 +114,7 @@ def scene_of(
 
     Args:
         arm: The estimates.
-        changed: Groups with at least one estimated parameter; "tilt" only if the direction of gravity is not
-            that of the scene, whose `mounting` may be a word.
+        changed: Groups with at least one estimated parameter.
         noise_levels: Noise and model error of the joint torques; None without them.
         wrenches: Noise of force and moment [N, Nm] of each force/torque sensor that was recorded, by field.
     """

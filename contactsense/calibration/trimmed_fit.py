@@ -5,9 +5,12 @@ leans towards it and hides it. Here the linearized equations are solved for the 
 the smallest energy, and that fraction is chosen again, until it stays the same (the concentration steps of P.
 J. Rousseeuw, K. Van Driessen, "Computing LTS regression for large data sets", Data Mining and Knowledge
 Discovery 2006). Up to the remaining fraction of the time may be contact.
+
+What was not fitted may differ from the model by the uncertainty of its parameters. Where a motion repeats
+itself, or is short, this is more than the model error.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
@@ -18,7 +21,8 @@ from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.parameters import Entry, apply_step, value
 from contactsense.calibration.recording_residuals import settled_samples
 from contactsense.calibration.residual_jacobian import Rows
-from contactsense.calibration.robust_least_squares import fit_robust
+from contactsense.calibration.robust_least_squares import RobustFit, fit_robust
+from contactsense.calibration.sandwich_covariance import sandwich_covariance
 
 QUIET = 0.6
 """Fraction of the samples that is fitted, of all recordings with the same sensors: with fewer sensors the
@@ -29,6 +33,16 @@ _STEPS = 10
 """Steps after which the fit ends, even if the samples that it uses still change."""
 
 
+@dataclass(frozen=True)
+class TrimmedFit:
+    """Result of `trimmed_fit`. C equations."""
+
+    arm: CalibrationModel
+    uncertainty: list[np.ndarray]
+    """Standard deviation of each sample's residual, averaged over `WINDOW`, that follows from that of the
+    parameters, shape (N, C) for each recording [Nm, or N and Nm]."""
+
+
 def trimmed_fit(
     arm: CalibrationModel,
     start: CalibrationModel,
@@ -36,7 +50,7 @@ def trimmed_fit(
     selected: tuple[Entry, ...],
     free: np.ndarray,
     stride: int,
-) -> CalibrationModel:
+) -> TrimmedFit:
     """The arm that explains the quietest part of the recordings.
 
     Args:
@@ -53,12 +67,13 @@ def trimmed_fit(
     offset = np.array([value(arm, entry) - value(start, entry) for entry in selected])
     prior = np.array([entry.prior_std for entry in selected])
     count = channels(start.scene)
-    step = np.zeros(len(selected))
+    fit: RobustFit | None = None
     quiet: np.ndarray | None = None
     sensors = [(part.torque is not None, *sorted(part.readings)) for part in recordings]
     lengths = [len(rows[0].residual) for rows in everything]
     group = np.repeat([sensors.index(own) for own in sensors], lengths)
     for _ in range(_STEPS):
+        step = np.zeros(len(selected)) if fit is None else fit.step
         chosen = _quietest(everything, usable, group, step, count, quiet)
         if quiet is not None and np.mean(chosen != quiet) < 0.01:
             break
@@ -69,8 +84,27 @@ def trimmed_fit(
             for part, mask in zip(everything, masks, strict=True)
             for row in part
         ]
-        step = fit_robust(rows, prior, offset, free, count).step
-    return apply_step(arm, selected, step)
+        fit = fit_robust(rows, prior, offset, free, count)
+    assert fit is not None
+    covariance = sandwich_covariance(rows, fit, prior, free)
+    uncertainty = []
+    for part, recording in zip(everything, recordings, strict=True):
+        samples = np.arange(len(recording.t))
+        of_rows = samples[settled_samples(recording, bandwidth) :: stride]
+        uncertainty.append(_uncertainty(part, covariance, samples, of_rows, count))
+    return TrimmedFit(apply_step(arm, selected, fit.step), uncertainty)
+
+
+def _uncertainty(
+    rows: list[Rows], covariance: np.ndarray, samples: np.ndarray, of_rows: np.ndarray, equations: int
+) -> np.ndarray:
+    """`TrimmedFit.uncertainty` of one recording; `of_rows`: sample of each row."""
+    found = np.zeros((len(samples), equations))
+    for row in rows:
+        mean = uniform_filter1d(row.slope, max(1, round(WINDOW / row.dt)), axis=0)
+        variance = np.einsum("ni,ij,nj->n", mean, covariance[np.ix_(row.columns, row.columns)], mean)
+        found[:, row.channel] = np.interp(samples, of_rows, np.sqrt(np.maximum(variance, 0.0)))
+    return found
 
 
 def _quietest(

@@ -79,3 +79,15 @@ def test_the_fit_is_hardly_worse(calibrated: tuple[Scene, FreeMotion, Calibratio
     left = all_residuals(CalibrationModel.of(found.scene), recording, scene.bandwidth)
     rms = np.sqrt(np.mean(left[len(left) // 10 :] ** 2, axis=0))
     np.testing.assert_allclose(rms, found.after.rms, rtol=0.1)
+
+
+@pytest.mark.slow
+def test_a_tilt_within_its_uncertainty_is_not_estimated(
+    calibrated: tuple[Scene, FreeMotion, Calibration],
+) -> None:
+    """The scene keeps its mounting, and everything else is estimated for that."""
+    scene, _, found = calibrated
+    assert found.scene.mounting == scene.mounting
+    tilts = [value for value in found.values if value.entry.group == "tilt"]
+    assert len(tilts) == 2
+    assert all("not significant" in value.kept for value in tilts)
