@@ -1,6 +1,7 @@
 """The largest readings that the arm's own weight and motion cause in its reach."""
 
 from collections.abc import Callable
+from functools import partial
 from math import isfinite
 
 import numpy as np
@@ -21,6 +22,11 @@ RAMP_TIME = 0.5
 """Every joint may get from rest to its largest speed, or stop, in this time [s]: the robots' data state no
 accelerations, and a brisk program takes about as long."""
 _POSTURES = 300
+_STARTS = 3
+"""Number of the random motions from which the largest of each component is sought: the best one alone may end
+at a maximum that is a quarter lower."""
+_MIN_GAIN = 1e-3
+"""Relative gain below which the search from one start ends."""
 _Reading = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
@@ -42,25 +48,25 @@ def largest_reading_at_rest(scene: Scene, field: str) -> np.ndarray:
     postures = np.random.default_rng(0).uniform(low, high, (_POSTURES, len(low)))
     readings = np.array([read(q) for q in postures])
     largest = np.abs(readings).max(axis=0)
+
+    def size(q: np.ndarray, component: int, sign: float) -> float:
+        return sign * float(read(q)[component])
+
     # The force on the base is the same in all postures.
     for component in range(3 if field == "base_wrench" else 0, 6):
         start = int(np.abs(readings[:, component]).argmax())
         sign = float(np.sign(readings[start, component]))
-
-        def opposite(q: np.ndarray, component: int = component, sign: float = sign) -> float:
-            return -sign * float(read(q)[component])
-
-        best = minimize(opposite, postures[start], method="L-BFGS-B", bounds=Bounds(low, high))
-        largest[component] = max(largest[component], -best.fun)
+        best = _local_maximum(partial(size, component=component, sign=sign), postures[start], low, high)[1]
+        largest[component] = max(largest[component], best)
     return np.asarray(largest)
 
 
 def largest_reading_in_motion(scene: Scene, field: str) -> np.ndarray | None:
     """Largest magnitude of each component that a sensor reads of an arm in motion that touches nothing.
 
-    In random postures within the joints' limits, every joint has its largest speed, either way, or rests, and
-    the acceleration, up to that of `RAMP_TIME`, that is the worst for the component: the true ones may be
-    slightly larger.
+    Every joint has its largest speed, either way, or rests, and the acceleration, up to that of `RAMP_TIME`,
+    that is the worst for the component. Posture and directions are the worst that a search from random ones
+    finds: the true ones may be some percent larger.
 
     Args:
         scene: The arm, its tool and its mounting; it has the sensor.
@@ -77,22 +83,71 @@ def largest_reading_in_motion(scene: Scene, field: str) -> np.ndarray | None:
     n = len(joints)
     motion, torque, wrench = empty_motion(n), np.zeros(n), np.zeros(6)
     speed = np.array([joint.velocity_limit for joint in joints])
+    ramps = np.diag(speed / RAMP_TIME)
     low, high = _reach(scene)
-    chance, still, weightless = np.random.default_rng(0), np.zeros(n), np.zeros(3)
+    chance, still = np.random.default_rng(0), np.zeros(n)
+    gravity, weightless = scene.gravity_base, np.zeros(3)
 
     def load(q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, gravity: np.ndarray) -> np.ndarray:
         inverse_dynamics(model, q, qd, qdd, gravity, motion, torque, wrench)
         return wrench.copy()
 
-    largest = np.zeros(6)
-    for q in chance.uniform(low, high, (_POSTURES, n)):
-        fast = speed * chance.choice([-1.0, 1.0], n)
-        loads = [np.zeros(6), *(load(q, qd, still, scene.gravity_base) for qd in (still, fast))]
-        loads += [load(q, still, ramp, weightless) for ramp in np.diag(speed / RAMP_TIME)]
+    def size(q: np.ndarray, way: np.ndarray) -> np.ndarray:
+        """Largest magnitude of each component in this posture, with speeds in these directions."""
+        loads = [np.zeros(6), *(load(q, qd, still, gravity) for qd in (still, way * speed))]
+        loads += [load(q, still, ramp, weightless) for ramp in ramps]
         readings = reading(q, np.array(loads))
         worst = np.abs(readings[3:] - readings[0]).sum(axis=0)
-        largest = np.maximum(largest, np.abs(readings[1:3]).max(axis=0) + worst)
-    return largest
+        return np.asarray(np.abs(readings[1:3]).max(axis=0) + worst)
+
+    def one(q: np.ndarray, way: np.ndarray, component: int) -> float:
+        return float(size(q, way)[component])
+
+    postures = chance.uniform(low, high, (_POSTURES, n))
+    ways = chance.choice([-1.0, 1.0], postures.shape)
+    sizes = np.array([size(q, way) for q, way in zip(postures, ways, strict=True)])
+    largest = sizes.max(axis=0)
+    for component in range(6):
+        for start in np.argsort(-sizes[:, component])[:_STARTS]:
+            of_component = partial(one, component=component)
+            found = _fastest_maximum(of_component, postures[start], ways[start], low, high)
+            largest[component] = max(largest[component], found)
+    return np.asarray(largest)
+
+
+def _fastest_maximum(
+    size: Callable[..., float],
+    q: np.ndarray,
+    way: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+) -> float:
+    """Local maximum of `size(q, way)` by posture and by the direction of each joint's speed, from those
+    given."""
+    largest = size(q, way)
+    while True:
+        before = largest
+        q, largest = _local_maximum(partial(size, way=way), q, low, high)
+        for joint in range(len(way)):
+            for direction in (-1.0, 0.0, 1.0):
+                other = way.copy()
+                other[joint] = direction
+                if (found := size(q, other)) > largest:
+                    way, largest = other, found
+        if not largest > (1.0 + _MIN_GAIN) * before:
+            return largest
+
+
+def _local_maximum(
+    size: Callable[[np.ndarray], float], q: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> tuple[np.ndarray, float]:
+    """The nearest local maximum of `size` within these limits of the posture, and its value."""
+
+    def opposite(x: np.ndarray) -> float:
+        return -size(x)
+
+    best = minimize(opposite, q, method="L-BFGS-B", bounds=Bounds(low, high))
+    return np.asarray(best.x), -float(best.fun)
 
 
 def joints_of_unknown_speed(robot: Robot) -> tuple[str, ...]:
@@ -101,16 +156,23 @@ def joints_of_unknown_speed(robot: Robot) -> tuple[str, ...]:
 
 
 def largest_torque_at_rest(scene: Scene) -> np.ndarray:
-    """Largest magnitude of the torque with which each joint holds arm and tool, in random postures within the
-    joints' limits, shape (n,) [Nm]: the true ones may be slightly larger."""
+    """Largest magnitude of the torque with which each joint holds arm and tool: the largest of random
+    postures within the joints' limits, improved to the nearest local maximum; shape (n,) [Nm]."""
     model, (low, high) = model_with_tool(scene), _reach(scene)
     n = len(low)
     still, torque, motion, wrench = np.zeros(n), np.zeros(n), empty_motion(n), np.zeros(6)
-    largest = np.zeros(n)
-    for q in np.random.default_rng(0).uniform(low, high, (_POSTURES, n)):
-        inverse_dynamics(model, q, still, still, scene.gravity_base, motion, torque, wrench)
-        largest = np.maximum(largest, np.abs(torque))
-    return largest
+    gravity = scene.gravity_base
+
+    def sizes(q: np.ndarray) -> np.ndarray:
+        inverse_dynamics(model, q, still, still, gravity, motion, torque, wrench)
+        return np.abs(torque)
+
+    def size(q: np.ndarray, joint: int) -> float:
+        return float(sizes(q)[joint])
+
+    postures = np.random.default_rng(0).uniform(low, high, (_POSTURES, n))
+    starts = postures[np.array([sizes(q) for q in postures]).argmax(axis=0)]
+    return np.array([_local_maximum(partial(size, joint=j), starts[j], low, high)[1] for j in range(n)])
 
 
 def _reach(scene: Scene) -> tuple[np.ndarray, np.ndarray]:

@@ -30,7 +30,7 @@ EXAMPLE: dict[str, Any] = {
         "rpy": [0.0, 0.0, 0.7854],
         "translation": [0.0, 0.0, -0.035],
         "sign": "sensor_on_arm",
-        "range": [2000.0, 400.0],
+        "range": [2000.0, 600.0],
     },
     "joint_torque": {
         "signal": "actual_current",
