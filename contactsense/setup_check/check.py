@@ -37,6 +37,7 @@ from contactsense.setup_check.proposals import line_value
 from contactsense.setup_check.result import Finding, SetupCheck, Verdict
 from contactsense.setup_check.search import searched
 from contactsense.setup_check.sensor_findings import (
+    base_offset,
     bias_findings,
     range_findings,
     residuals_of,
@@ -126,6 +127,7 @@ def check(
         residuals_of(now.residual, wrench_fields(scene)),
         unexplained,
         sum(part.seconds for part in parts),
+        None if unexplained else base_offset(scene, fitter, now.setup),
     )
 
 

@@ -155,6 +155,11 @@ class Fitter:
         charge = np.where(of_load, 2.0 * np.log(scale / std), np.log(rows.sum()))
         return float(rows @ np.log(variance)) + penalty + float(charge.sum())
 
+    def offset(self, setup: Setup, field: str) -> np.ndarray:
+        """What a force/torque sensor reads on average beyond the prediction without nuisances, as read, shape
+        (6,) [N, Nm]."""
+        return np.asarray(self._equations(setup).error[:, self._of(field)].mean(axis=0))
+
     def set_effective_rows(self, residual: np.ndarray) -> None:
         """Reduce the number of rows by the correlation of neighbouring residuals.
 

@@ -98,7 +98,8 @@ def sensor_lines(field: str) -> tuple[Line, ...]:
     stated = ["sign", "rpy", "translation", "delay"]
     if field.startswith("link_wrenches."):
         stated.insert(0, "link")
-    # A stream estimates the bias of the base sensor; the others keep the scene's.
+    # The weight of the base, which is not known well, is in the bias of the base sensor: `base_offset` of the
+    # result says where it is off.
     own = ("range",) if field == BASE else ("bias", "range")
     return (*(f"{field}.{name}" for name in stated), *signals, *(f"{field}.{name}" for name in own))
 

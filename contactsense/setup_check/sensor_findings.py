@@ -7,14 +7,13 @@ import numpy as np
 from contactsense.calibration.free_motion import FreeMotion
 from contactsense.scene import Scene, WrenchSensor
 from contactsense.scene_model.reading_limits import ROUNDING
-from contactsense.setup_check.fit import Fit
+from contactsense.setup_check.fit import Fit, Fitter
 from contactsense.setup_check.proposals import line_value
 from contactsense.setup_check.result import Finding, Residuals, Verdict, WrenchResidual
 from contactsense.setup_check.setup import BASE, Setup
 
 _BIAS_TOLERANCE = 2.0
-"""The bias of a sensor within the arm may be off by this multiple of its noise: more may appear as a
-contact."""
+"""The bias of a sensor may be off by this multiple of its noise: more may appear as a contact."""
 _SURE = 5.0
 """And it must be off by this many standard deviations of the estimate."""
 
@@ -118,6 +117,23 @@ def bias_findings(scene: Scene, fit: Fit) -> list[Finding]:
         for field, sensor in scene.link_sensors.items()
         if field in fit.bias
     ]
+
+
+def base_offset(scene: Scene, fitter: Fitter, setup: Setup) -> tuple[float, ...] | None:
+    """`SetupCheck.base_offset`: a stream estimates the drift of the base sensor's bias, but takes an offset
+    that is there from its start for a contact.
+
+    Args:
+        scene: What is checked.
+        fitter: Of the recordings, in which the base sensor may be missing.
+        setup: The one that explains the readings.
+    """
+    sensor = scene.base_wrench
+    if sensor is None or (setup.sensors[BASE].order != np.eye(6)).any():
+        return None
+    off = fitter.offset(setup, BASE)
+    allowed = _BIAS_TOLERANCE * np.repeat([sensor.force_noise, sensor.moment_noise], 3)
+    return tuple(off.tolist()) if (np.abs(off) > allowed).any() else None
 
 
 def _bias_finding(scene: Scene, fit: Fit, field: str, sensor: WrenchSensor) -> Finding:

@@ -163,6 +163,17 @@ def print_check(found: SetupCheck, console: Console) -> None:
     console.print(f"RMS residual below 2 Hz: {text}", highlight=False)
     if found.fits:
         console.print("Nothing contradicts the scene.")
+    if found.base_offset is not None:
+        force, moment = (
+            ", ".join(f"{value:.3g}" for value in part)
+            for part in (found.base_offset[:3], found.base_offset[3:])
+        )
+        console.print(
+            f"The base sensor reads ({force}) N, ({moment}) Nm more than weight and bias of the scene: live, "
+            "that is a contact. Run `contactsense calibrate`, which estimates base_wrench.bias.",
+            highlight=False,
+            markup=False,
+        )
 
 
 def _explained(item: Finding) -> str:

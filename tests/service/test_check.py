@@ -27,6 +27,7 @@ from contactsense.service.sensors.live_free_motion import _free_motion
 from contactsense.service.sensors.live_source import SourceSettings
 from contactsense.service.sensors.robot_stream import SensorError
 from contactsense.setup_check import Finding, Residuals, SetupCheck
+from contactsense.setup_check import check as run
 from contactsense.types import Sample
 from tests.service.loopback import own_address, until
 
@@ -105,6 +106,26 @@ def test_a_right_scene_fits(folder: Path) -> None:
     assert result.exit_code == 0, result.output
     assert "Nothing contradicts the scene" in result.output
     assert "does not fit" not in result.output
+
+
+@pytest.mark.slow
+def test_a_bias_that_a_stream_takes_for_a_contact_is_told(folder: Path) -> None:
+    """A sensor that was tared, or whose zero was not measured, contradicts no line, and fits no stream."""
+    scene = Scene.load(folder / "right.yaml")
+    assert scene.base_wrench is not None
+    off = np.array([5.0, -3.0, 2.0, 0.3, 0.1, -0.2])
+    parts, _ = read_free_motion(folder / "free.csv", scene)
+    known = run(scene, parts).base_offset or np.zeros(6)  # that of links whose mass differs from their data
+    biased = [replace(part, reading=part.reading + off) for part in parts if part.reading is not None]
+    found = run(scene, biased)
+    assert found.fits
+    assert found.base_offset is not None
+    np.testing.assert_allclose(found.base_offset, known + off, atol=1e-6)
+    force = ", ".join(f"{value:.3g}" for value in found.base_offset[:3])
+    assert f"The base sensor reads ({force}) N, (" in _printed(found)
+    bias = tuple((np.array(scene.base_wrench.bias) + found.base_offset).tolist())
+    stated = scene.model_copy(update={"base_wrench": scene.base_wrench.model_copy(update={"bias": bias})})
+    assert run(stated, biased).base_offset is None
 
 
 @pytest.mark.slow
