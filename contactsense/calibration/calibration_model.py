@@ -147,6 +147,12 @@ class CalibrationModel:
         transfer = wrench_transform(rotation, np.array(sensor.translation) + self.shift)
         return np.asarray(sensor.sign_factor * (reading - self.wrench_bias) @ transfer.T)
 
+    @property
+    def to_base_sensor(self) -> np.ndarray:
+        """Matrix that moves a wrench in base axes from the base origin to the base sensor, shape (6, 6)."""
+        sensor = self.scene.base_wrench or WrenchSensor()
+        return wrench_transform(np.eye(3), -(np.array(sensor.translation) + self.shift))
+
     def with_values(self, **changes: Any) -> Self:
         """A copy with some fields changed."""
         return replace(self, **changes)

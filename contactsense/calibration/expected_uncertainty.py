@@ -19,7 +19,6 @@ from contactsense.calibration.parameters import Entry, Group, entries
 from contactsense.calibration.recording_residuals import friction
 from contactsense.kinematics.inverse_dynamics import inverse_dynamics
 from contactsense.kinematics.model import empty_motion
-from contactsense.kinematics.wrench_transform import wrench_transform
 from contactsense.residuals.momentum_observer import noise_variance_ratio
 from contactsense.scene import Scene
 from contactsense.scene_model.wrench_map import WrenchMap
@@ -99,16 +98,13 @@ def simulated_free_motion(scene: Scene, motion: FourierTrajectory, rate: float) 
 
 
 def _variance(scene: Scene, joints: int, rate: float) -> np.ndarray:
-    """Variance of the filtered noise of each of C equations, shape (C,); the base sensor's moments are about
-    the base origin."""
+    """Variance of the filtered noise of each of C equations, shape (C,)."""
     found = np.full(channels(scene), np.inf)
     if scene.joint_torque is not None:
         found[:joints] = per_joint(scene.joint_torque.noise, joints) ** 2
     if scene.base_wrench is not None:
-        sensor = scene.base_wrench
-        transfer = wrench_transform(np.eye(3), np.array(sensor.translation))
-        sensor_variance = np.repeat([sensor.force_noise**2, sensor.moment_noise**2], 3)
-        found[joints : joints + 6] = np.diag(transfer @ np.diag(sensor_variance) @ transfer.T)
+        own = scene.base_wrench
+        found[joints : joints + 6] = np.repeat([own.force_noise**2, own.moment_noise**2], 3)
     for number, own in enumerate(scene.link_sensors.values()):
         first = joints + 6 * (number + 1)
         found[first : first + 6] = np.repeat([own.force_noise**2, own.moment_noise**2], 3)

@@ -83,7 +83,11 @@ def _observe(
 
 
 def residuals(arm: CalibrationModel, recording: FreeMotion, bandwidth: float) -> np.ndarray:
-    """Residuals of joints and base, as a `Localizer` of that scene computes them.
+    """Residuals of joints and base, as a `Localizer` of that scene computes them, but that of the base about
+    its sensor.
+
+    About the base origin, the noise of the forces would be in the moments, times the distance of the sensor:
+    a fit would move the sensor towards the origin, where the residual is smaller.
 
     Args:
         arm: Parameters of arm and sensors.
@@ -91,7 +95,8 @@ def residuals(arm: CalibrationModel, recording: FreeMotion, bandwidth: float) ->
         bandwidth: Cut-off frequency of the observer [Hz].
 
     Returns:
-        Shape (N, n + 6): n joints [Nm], then the wrench on the base [N, Nm]; zeros for a missing sensor.
+        Shape (N, n + 6): n joints [Nm], then the wrench on the base, base axes, about the place of its sensor
+        [N, Nm]; zeros for a missing sensor.
     """
     n = recording.q.shape[1]
     none = np.empty((0, 1))
@@ -103,6 +108,7 @@ def residuals(arm: CalibrationModel, recording: FreeMotion, bandwidth: float) ->
         JointMotion(recording.t, recording.q, recording.qd),
         torque, wrench, bandwidth, empty_observer(n), empty_observer(6), out,
     )  # fmt: skip
+    out[:, n:] = out[:, n:] @ arm.to_base_sensor.T
     return out
 
 

@@ -109,6 +109,7 @@ def linearize(
     links = [(number, entry.index) for number, entry in enumerate(selected) if entry.group == "links"]
     if links:
         by_link = inertial_columns(arm, recording, arm.gravity, bandwidth, keep)
+        by_link[:, joints:] = np.einsum("ij,mjlp->milp", arm.to_base_sensor, by_link[:, joints:])
         slopes += [(number, by_link[:, :, link, column], None) for number, (link, column) in links]
     moving = recently_moved(recording)[keep]
     usable = recording.usable[keep]
@@ -233,8 +234,8 @@ def inertial_columns(
         keep: Samples to return, M of them.
 
     Returns:
-        Shape (M, n + 6, n + 1, 10): n joints and the base wrench, links, and the parameters of
-        `contactsense.kinematics.regressor`.
+        Shape (M, n + 6, n + 1, 10): n joints and the base wrench about the base origin, links, and the
+        parameters of `contactsense.kinematics.regressor`.
     """
     joints = recording.q.shape[1]
     shape = (joints + 6, joints + 1, PARAMETERS)

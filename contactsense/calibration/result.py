@@ -51,7 +51,7 @@ class ResidualStatistics:
 
     rms: np.ndarray
     """Root mean square of each of C equations (`contactsense.calibration.equations`), shape (C,): joints
-    [Nm], base wrench [N, Nm], wrench of each sensor within the arm; NaN without sensor."""
+    [Nm], base wrench about its sensor [N, Nm], wrench of each sensor within the arm; NaN without sensor."""
     tail: np.ndarray
     """99.9 % quantile of the absolute values, shape (C,)."""
 

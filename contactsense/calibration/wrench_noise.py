@@ -15,7 +15,6 @@ from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.link_residuals import link_velocity_variance
 from contactsense.calibration.recording_residuals import velocity_covariance
 from contactsense.calibration.robust_least_squares import MAD_SCALE
-from contactsense.kinematics.wrench_transform import wrench_transform
 
 _ORDER, _GAIN = 4, 70.0
 """Order of the differences that remove the motion from readings, and the variance of white noise in them."""
@@ -46,21 +45,18 @@ def wrench_residuals(
         arm: Parameters of arm and sensors.
         recording: Contact-free motion with readings of this sensor.
         rows: The samples that count.
-        residual: Of these, of a link sensor in the frame that the scene states, of the base sensor about the
-            base origin, shape (N, 6) [N, Nm].
+        residual: Of these, of a link sensor in the frame that the scene states, of the base sensor about its
+            place, base axes, shape (N, 6) [N, Nm].
         field: The sensor's key in `Scene.link_sensors`, or `base_wrench`.
         bandwidth: Cut-off frequency of the observer [Hz].
     """
     readings = recording.readings[field]
-    sensor = arm.scene.base_wrench
-    if field != "base_wrench" or sensor is None:
+    if field != "base_wrench":
         known = link_velocity_variance(arm, recording, field, bandwidth)
         return WrenchResiduals(residual, known[rows], readings)
-    # The sensor's noise is about its own place.
-    place = np.array(sensor.translation) + arm.shift
-    move = np.linalg.inv(wrench_transform(np.eye(3), place))
+    move = arm.to_base_sensor
     covariance = velocity_covariance(arm, recording, bandwidth)[rows]
-    return WrenchResiduals(residual @ move.T, np.einsum("ij,njk,ik->ni", move, covariance, move), readings)
+    return WrenchResiduals(residual, np.einsum("ij,njk,ik->ni", move, covariance, move), readings)
 
 
 def wrench_noise(parts: Sequence[WrenchResiduals], variance_ratio: float) -> tuple[float, float]:
