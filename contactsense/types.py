@@ -22,7 +22,12 @@ EventKind = Literal["onset", "hold", "slide", "release", "resume", "weight"]
 @dataclass(frozen=True, eq=False, slots=True)
 class Sample:
     """Measurements at one instant, without the sensors' delays. A sensor that is absent, or without a value
-    at this instant, is None. A number that is NaN or masked is no value."""
+    at this instant, is None. A number that is NaN or masked is no value.
+
+    Wrenches are in base axes, whatever frame, sign and bias the scene states of a sensor:
+    `contactsense.scene_model.wrench_map.WrenchMap` and `contactsense.scene_model.link_sensor_frame` convert
+    readings.
+    """
 
     t: float
     """Time of the measurement on the robot's clock [s]."""

@@ -12,7 +12,8 @@ import pytest
 import yaml
 from pydantic import BaseModel
 
-from contactsense import Localizer
+from contactsense import Localizer, forward_model
+from contactsense.robots.rotations import rotation_from_rpy
 from contactsense.robots.tool import Tool
 from contactsense.scene import Scene
 from contactsense.sensors.settings import Friction, JointTorqueSensor, LinkInertia, WrenchSensor
@@ -139,6 +140,35 @@ def test_the_first_touch_in_python_runs(capsys: pytest.CaptureFixture[str]) -> N
         exec(compile(code, "docs/first_touch.md", "exec"), {})
     printed = [line.rstrip() for line in capsys.readouterr().out.splitlines()]
     assert printed == re.findall(r"^    (\d\.\d\d s: .*)$", text, flags=re.MULTILINE)
+
+
+def test_readings_are_converted_as_the_cell_page_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Readings of turned and displaced sensors, with opposite signs and biases, of a push on the wrist."""
+    sensor: dict[str, Any] = {
+        "rpy": [3.0, 0.2, 0.8], "translation": [0.1, 0.0, -0.2], "sign": "sensor_on_arm",
+        "bias": [5, 4, 3, 0.3, 0.2, 0.1],
+    }  # fmt: skip
+    cell = {"robot": "ur5e", "tool": {"mass": 1.0}, "base_wrench": sensor, "wrist_wrench": sensor}
+    (tmp_path / "scene.yaml").write_text(yaml.safe_dump(cell), encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    text = (ROOT / "docs" / "cell.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
+    given: dict[str, Any] = {}
+    exec(compile(code, "docs/cell.md", "exec"), given)
+    q, rest = np.array([0.3, -1.3, 1.6, -1.9, -1.57, 0.4]), np.zeros(6)
+    push = np.array([0.03, 0.0, 0.0]), np.array([3.0, -20.0, 5.0])
+    truth = forward_model(given["scene"], q, "wrist_3", *push)
+    turned = rotation_from_rpy((3.0, 0.2, 0.8))
+    place = np.array([0.1, 0.0, -0.2])
+    force, moment = truth.base_wrench[:3], truth.base_wrench[3:]
+    own = np.concatenate([turned.T @ force, turned.T @ (moment - np.cross(place, force))])
+    base_reading = np.array(sensor["bias"]) - own
+    wrist_reading = given["wrist"].reading(q, truth.wrist_wrench)
+    made = given["sample"](0.0, q, rest, truth.joint_torque, base_reading, wrist_reading)
+    np.testing.assert_allclose(made.base_wrench, truth.base_wrench, atol=1e-9)
+    np.testing.assert_allclose(made.wrist_wrench, truth.wrist_wrench, atol=1e-9)
 
 
 def test_the_scene_of_a_cell_loads(tmp_path: Path) -> None:

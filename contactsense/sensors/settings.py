@@ -85,7 +85,11 @@ class Part(FileModel):
 
 @with_attributes
 class WrenchSensor(Part):
-    """A six-axis force/torque sensor: its frame, the sign of its readings, and their noise."""
+    """A six-axis force/torque sensor: its frame, the sign of its readings, and their noise.
+
+    Live and in recordings, readings are converted with frame, sign and bias. The wrenches of a
+    `contactsense.Sample` have been converted, as by `contactsense.scene_model.wrench_map.WrenchMap`.
+    """
 
     force_noise: Noise = 0.25
     """Standard deviation of each force component of one sample [N]."""
