@@ -18,7 +18,7 @@ from scipy.ndimage import uniform_filter1d
 from contactsense.calibration.calibration_model import CalibrationModel
 from contactsense.calibration.equations import channels, linearize_all
 from contactsense.calibration.free_motion import FreeMotion
-from contactsense.calibration.parameters import Entry, apply_step, value
+from contactsense.calibration.parameters import NOT_NEGATIVE, Entry, apply_step, value
 from contactsense.calibration.recording_residuals import settled_samples
 from contactsense.calibration.residual_jacobian import Rows
 from contactsense.calibration.robust_least_squares import RobustFit, fit_robust
@@ -67,6 +67,8 @@ def trimmed_fit(
     offset = np.array([value(arm, entry) - value(start, entry) for entry in selected])
     prior = np.array([entry.prior_std for entry in selected])
     count = channels(start.scene)
+    # Friction and rotors are not negative.
+    lowest = np.array([-value(arm, x) if x.group in NOT_NEGATIVE else -np.inf for x in selected])
     fit: RobustFit | None = None
     quiet: np.ndarray | None = None
     sensors = [(part.torque is not None, *sorted(part.readings)) for part in recordings]
@@ -84,7 +86,7 @@ def trimmed_fit(
             for part, mask in zip(everything, masks, strict=True)
             for row in part
         ]
-        fit = fit_robust(rows, prior, offset, free, count)
+        fit = _fit(rows, prior, offset, free, count, lowest)
     assert fit is not None
     covariance = sandwich_covariance(rows, fit, prior, free)
     uncertainty = []
@@ -105,6 +107,32 @@ def _uncertainty(
         variance = np.einsum("ni,ij,nj->n", mean, covariance[np.ix_(row.columns, row.columns)], mean)
         found[:, row.channel] = np.interp(samples, of_rows, np.sqrt(np.maximum(variance, 0.0)))
     return found
+
+
+def _fit(
+    rows: list[Rows],
+    prior: np.ndarray,
+    offset: np.ndarray,
+    free: np.ndarray,
+    count: int,
+    lowest: np.ndarray,
+) -> RobustFit:
+    """Solve for the free parameters, none of which falls by more than to `lowest`, shape (k,).
+
+    The quiet samples alone may not tell two parts of friction apart: a negative one and a large other one
+    then cancel there, and nowhere else.
+    """
+    free, bound = free.copy(), np.zeros(len(free))
+    while True:
+        moved = [replace(row, residual=row.residual + row.slope @ bound[row.columns]) for row in rows]
+        fit = fit_robust(moved, prior, offset + bound, free, count)
+        step = bound + fit.step
+        below = np.where(free, step - lowest, 0.0) / prior
+        worst = int(np.argmin(below))
+        if below[worst] >= 0.0:
+            return replace(fit, step=step)
+        # One at a time, as the others follow it.
+        free[worst], bound[worst] = False, lowest[worst]
 
 
 def _quietest(
