@@ -2,7 +2,9 @@
 
 A link sensor is a base sensor of a lighter arm: of one in which only what it carries has a mass. Its reading
 is moved to the base origin and passes through the same observer. The residual is then turned back into the
-sensor's own frame as the scene states it, in which noise is isotropic and a bias is constant.
+sensor's own frame as the parameters have it, in which noise is isotropic and a bias is constant. In the frame
+that the scene states, the noise of the forces would be in the moments, times the displacement: a fit would
+keep the sensor near the stated place, where the residual is smaller.
 """
 
 from typing import NamedTuple, Self
@@ -51,7 +53,7 @@ class _Poses(NamedTuple):
 
 
 def link_residuals(arm: CalibrationModel, recording: FreeMotion, field: str, bandwidth: float) -> np.ndarray:
-    """Residual of one sensor, in the frame that the scene states, shape (N, 6) [N, Nm].
+    """Residual of one sensor, in its own frame, shape (N, 6) [N, Nm].
 
     Args:
         arm: Parameters of arm and sensors.
@@ -71,7 +73,7 @@ def link_residuals(arm: CalibrationModel, recording: FreeMotion, field: str, ban
         name=recording.name,
     )
     found = residuals(_carried(arm, mount), part, bandwidth)[:, recording.q.shape[1] :]
-    return _stated(link, mount).from_base(found)
+    return moved.from_base(found)
 
 
 def link_velocity_variance(
@@ -81,9 +83,9 @@ def link_velocity_variance(
     arguments as there."""
     _, mount, _ = _of(arm.scene, field)
     covariance = velocity_covariance(_carried(arm, mount), recording, bandwidth)
-    stated = _stated(_Poses.of(arm.scene, recording.q, mount), mount)
+    own = _mounted(_Poses.of(arm.scene, recording.q, mount), arm, field)
     # T C T^T, one side after the other.
-    turned = stated.from_base(stated.from_base(covariance).transpose(0, 2, 1))
+    turned = own.from_base(own.from_base(covariance).transpose(0, 2, 1))
     return np.diagonal(turned, axis1=1, axis2=2)
 
 
@@ -133,7 +135,7 @@ def link_rows(
         ]
         if per_body is not None:
             link = _Poses.of(arm.scene, recording.q[keep], mount)
-            own = _stated(link, mount).from_base(per_body[:, joints:])
+            own = _mounted(link, arm, field).from_base(per_body[:, joints:])
             columns += [
                 (k, own[:, :, entry.index[0], entry.index[1]])
                 for k, entry in links
@@ -151,13 +153,8 @@ def _of(scene: Scene, field: str) -> tuple[int, Mount, WrenchSensor]:
     return list(scene.link_sensors).index(field), mounts(scene)[field], scene.link_sensors[field]
 
 
-def _stated(link: _Poses, mount: Mount) -> _Poses:
-    """Poses of the sensor as the scene states it, from those of its link."""
-    return _Poses(link.rotation @ mount.rotation, link.origin + link.rotation @ mount.origin)
-
-
 def _mounted(link: _Poses, arm: CalibrationModel, field: str) -> _Poses:
-    """The same with the parameters' rotation and displacement."""
+    """Poses of the sensor by the parameters, from those of its link."""
     number, mount, sensor = _of(arm.scene, field)
     # The frame in which the scene gives the sensor: the link's, or the flange's.
     frame = mount.rotation @ sensor.rotation.T

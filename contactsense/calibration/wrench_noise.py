@@ -45,8 +45,8 @@ def wrench_residuals(
         arm: Parameters of arm and sensors.
         recording: Contact-free motion with readings of this sensor.
         rows: The samples that count.
-        residual: Of these, of a link sensor in the frame that the scene states, of the base sensor about its
-            place, base axes, shape (N, 6) [N, Nm].
+        residual: Of these, of a link sensor in its own frame, of the base sensor about its place, base axes,
+            shape (N, 6) [N, Nm].
         field: The sensor's key in `Scene.link_sensors`, or `base_wrench`.
         bandwidth: Cut-off frequency of the observer [Hz].
     """
