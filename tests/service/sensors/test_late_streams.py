@@ -86,6 +86,47 @@ def test_a_few_late_arrivals_around_an_outage_are_no_late_stream() -> None:
         assert not clock.is_late
 
 
+def clock_of(*lateness: tuple[float, float]) -> ClockMap:
+    """A clock that ticks each 2 ms, after arrivals that were late by so much until these times [s]."""
+    clock, begin = ClockMap(1.0), 0
+    for end, late in lateness:
+        for k in range(begin, round(end / 0.002)):
+            clock.observe(k * 0.002, round((k * 0.002 + late) * NS))
+        begin = round(end / 0.002)
+    return clock
+
+
+@pytest.mark.parametrize("first", [0.0, 0.02])
+@pytest.mark.parametrize(("late", "is_late"), [(0.004, False), (0.006, True), (0.7, True), (1.5, False)])
+def test_lateness_is_counted_from_the_least_delayed_arrival(first: float, late: float, is_late: bool) -> None:
+    """Not from the first one; what is later than a second is a clock that stood still."""
+    clock = clock_of((0.002, first), (8.0, 0.0), (8.6, late))
+    assert clock.late == pytest.approx(late, abs=1e-5)
+    assert clock.is_late == is_late
+
+
+def test_an_arrival_that_is_less_delayed_than_all_before_counts_at_once() -> None:
+    """Not only from the next block on."""
+    late, in_time = clock_of((3.0, 0.02)), clock_of((3.0, 0.02), (3.1, 0.0))
+    assert late.host(3.0) == pytest.approx(3.0, abs=2e-3)  # of arrivals that are all late nothing is known
+    assert in_time.host(3.0) == pytest.approx(3.0 - 0.02, abs=2e-3)
+
+
+@pytest.mark.parametrize(("late_robot", "ready"), [(0.0, False), (0.02, True)])
+def test_both_streams_late_soon_after_the_start_are_aligned_as_before(late_robot: float, ready: bool) -> None:
+    """A sensor that alone is late so soon may have been in time before, or be in time now."""
+    aligner = Aligner(period=1e-3)
+    for k in range(4000):
+        t, late = k * 1e-3, k > 2500
+        aligner.add(k, round((t + 0.02 * late) * NS), [t] * 6)
+        if k % 2 == 0:
+            aligner.observe_robot(t, round((t + late_robot * late) * NS))
+    assert aligner.ready == ready
+    found = aligner.at(3.5).wrench
+    assert (found is not None) == ready
+    assert found is None or found[0] == pytest.approx(3.5, abs=1e-6)
+
+
 def test_a_network_that_becomes_a_little_later_is_not_told() -> None:
     assert not any(aligner.is_late for aligner, *_ in become_late(0.004, 0.0, seconds=30.0))
 

@@ -1,7 +1,7 @@
 """A force/torque sensor's box whose counter or clock misleads: the reader starts anew instead of waiting."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,6 +15,7 @@ from contactsense.service.sensors.network_wrench import NetworkWrench, Timing, W
 from contactsense.service.sensors.plausibility import ReadingCheck, RecentCounts, SensorEvent
 from contactsense.service.sensors.robot_stream import RobotRecord
 from contactsense.service.sensors.stuck_channels import ArmState
+from contactsense.service.sensors.time_alignment import Aligned
 from contactsense.service.sensors.wrench_reader import WrenchReader
 
 NS = 1_000_000_000
@@ -70,11 +71,17 @@ def test_a_client_that_takes_records_for_old_ones_is_replaced(monkeypatch: pytes
 class Box:
     """A simulated robot and sensor, each with a clock of its own, and the reader between them."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, *, delay: float = 0.0, wait: float = 0.003) -> None:
         self.ns, self.tick, self.stamp = 50 * NS, 1000, 7.0
         self.waited = 0
         self.late = 0.0
         """By how much readings arrive later [s]."""
+        self.sends = True
+        """Whether the sensor does."""
+        self.observed = 0
+        """Number of readings that the reader has passed on."""
+        self.aligned = Aligned(None, 0.0)
+        """Of the newest packet."""
         self.recent = RecentCounts()
         self.health = SimpleNamespace(state="streaming", received=0, lost=0)
         self.queue: list[WrenchRecord] = []
@@ -83,10 +90,14 @@ class Box:
         monkeypatch.setattr(network_wrench, "time", clock)
         self.reader = NetworkWrench(
             WrenchSource("sensor"),
-            Timing(None, 0.005, 0.0, 0.003),
+            Timing(None, 0.005, delay, wait),
             ReadingCheck("base_wrench", False, self.recent, ArmState()),
-            lambda _: None,
+            self.observe,
         )
+
+    def observe(self, readings: Sequence[WrenchRecord]) -> None:
+        """Count them."""
+        self.observed += len(readings)
 
     @property
     def now(self) -> int:
@@ -94,8 +105,10 @@ class Box:
         return self.ns + self.waited
 
     def poll(self, timeout: float = 0.0) -> list[WrenchRecord]:
-        """What has arrived."""
-        self.waited += round(timeout * NS)
+        """What has arrived, after waiting for it."""
+        end = self.now + round(timeout * NS)
+        arrival = self.queue[0].arrival_ns if self.queue else end
+        self.waited += min(max(arrival, self.now), end) - self.now
         found = [record for record in self.queue if record.arrival_ns <= self.now]
         self.queue = self.queue[len(found) :]
         return found
@@ -108,15 +121,16 @@ class Box:
                 self.ns += NS // 1000
                 self.tick += 1
                 at = self.ns + round(self.late * NS)
-                self.queue.append(WrenchRecord(self.tick & 0xFFFFFFFF, at, (self.tick, 0, 0, 0, 0, 0)))
+                if self.sends:
+                    self.queue.append(WrenchRecord(self.tick & 0xFFFFFFFF, at, (self.tick, 0, 0, 0, 0, 0)))
             self.stamp += 0.002
             self.waited = 0
             record = RobotRecord(self.stamp, self.ns, ())
             self.reader.poll()
             self.reader.observe_robot(record)
-            aligned = self.reader.at(record)
-            self.reader.note(aligned.wrench is not None)
-            there.append(aligned.wrench is not None)
+            self.aligned = self.reader.at(record)
+            self.reader.note(self.aligned.wrench is not None)
+            there.append(self.aligned.wrench is not None)
         return sum(there) / len(there)
 
 
@@ -131,6 +145,55 @@ def test_a_robot_clock_that_stood_still_is_learned_anew(monkeypatch: pytest.Monk
         box.queue.append(WrenchRecord(box.tick, box.ns, (box.tick, 0, 0, 0, 0, 0)))
     box.run(2.0)
     assert box.run(1.0) == 1.0
+
+
+@pytest.mark.parametrize(("wait", "waited"), [(0.001, 0.001), (0.003, 0.002)])
+def test_a_sample_waits_for_the_reading_of_its_instant(
+    monkeypatch: pytest.MonkeyPatch, wait: float, waited: float
+) -> None:
+    """It comes 2 ms later; a sample waits no longer than allowed, and not at all for a silent sensor."""
+    box = Box(monkeypatch, delay=0.002, wait=wait)
+    box.late = 0.002
+    box.run(2.0)
+    assert box.aligned.wrench is not None
+    assert box.waited == pytest.approx(waited * NS, abs=1000)
+    assert box.aligned.age == pytest.approx(0.002 - waited, abs=1e-6)
+    assert box.aligned.wrench[0] + 1000.0 * box.aligned.age == pytest.approx(box.tick, abs=1e-3)
+    assert box.observed == box.tick - 1000 - 2 + round(1000 * waited)
+    box.sends = False
+    box.run(0.06)
+    assert (box.waited, box.aligned.wrench) == (0, None)
+
+
+@pytest.mark.parametrize("silence", [0.03, 5.0])
+def test_a_sensor_that_was_silent_keeps_its_clock(monkeypatch: pytest.MonkeyPatch, silence: float) -> None:
+    box = Box(monkeypatch)
+    box.run(2.0)
+    box.sends = False
+    box.run(silence)
+    box.sends = True
+    assert box.run(0.1) == 1.0
+
+
+def test_samples_without_a_reading_are_counted_with_their_cause(monkeypatch: pytest.MonkeyPatch) -> None:
+    """While the sensor sends: of one that is silent its state tells."""
+
+    def counted(cause: str) -> int:
+        return box.recent.totals(time.monotonic())[SensorEvent("base_wrench", cause)]
+
+    box = Box(monkeypatch)
+    box.sends = False
+    box.run(0.1)
+    assert counted("unaligned") == 0
+    box.sends = True
+    box.run(0.1)
+    assert counted("unaligned") == 50
+    box.run(5.9)
+    assert counted("late") == 0
+    box.late = 0.02
+    assert box.run(1.0) < 0.5
+    assert counted("late") > 200
+    assert counted("unaligned") < 250
 
 
 @pytest.mark.slow

@@ -73,3 +73,43 @@ def test_the_constants_of_the_arm_are_used_where_the_scene_has_none():
     measured = TorqueMap.of(Scene(robot=replace(arm, joints=joints), joint_torque=sensor))
     assert measured is not None
     assert tuple(measured.scale) == constants
+
+
+CONSTANTS = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
+SINGLE = tuple(f"current_of_joint_{i}" for i in range(6))
+ACTUAL, TARGET = 3.0 * np.eye(6), np.eye(6)
+"""Currents of six samples: in each, one joint has one."""
+
+
+@pytest.mark.parametrize(
+    ("fields", "torque"),
+    [
+        ({"signal": "actual_current_as_torque"}, 30.0 * np.eye(6)),
+        ({"signal": "actual_current_as_torque", "sign": "on_arm"}, -30.0 * np.eye(6)),
+        ({"signal": "actual_current_as_torque", "fields": SINGLE}, 7.0 * np.eye(6)),
+        ({"signal": "actual_current"}, np.diag(CONSTANTS) * 3.0),
+        ({"signal": "actual_current", "sign": "on_arm"}, np.diag(CONSTANTS) * -3.0),
+        ({"signal": "actual_current_minus_target"}, np.diag(CONSTANTS) * 2.0),
+        ({"signal": "actual_current_minus_target", "fields": SINGLE}, np.diag(CONSTANTS) * 6.0),
+    ],
+)
+def test_the_torque_of_the_actuator_from_every_kind_of_signal(fields, torque):
+    constants = CONSTANTS if fields["signal"] != "actual_current_as_torque" else None
+    sensor = JointTorqueSensor(torque_constants=constants, **fields)
+    values = {"actual_current": ACTUAL, "target_current": TARGET, "actual_current_as_torque": 10.0 * ACTUAL}
+    values |= {name: 7.0 * np.eye(6)[:, [i]] for i, name in enumerate(SINGLE)}
+    source = TorqueMap.of(Scene(robot="ur5e", joint_torque=sensor))
+    assert source is not None
+    assert np.array_equal(source.torque(values), torque)
+
+
+@pytest.mark.parametrize(
+    ("change", "same"),
+    [({}, True), ({"sign": "on_arm"}, False), ({"signal": "actual_current_minus_target"}, False)],
+)
+def test_torques_of_another_sign_or_signal_are_others(change, same):
+    maps = [
+        TorqueMap.of(Scene(robot="ur5e", joint_torque={"torque_constants": CONSTANTS, **fields}))
+        for fields in ({"signal": "actual_current"}, {"signal": "actual_current", **change})
+    ]
+    assert maps[0].is_as(maps[1]) == same

@@ -304,3 +304,50 @@ def test_the_same_reading_twice_is_one():
             aligner.add(k, k * 1_000_000, [k * 1e-3] * 6)
         aligner.observe_robot(k * 0.001, k * 1_000_000)
     assert aligner.at(0.0505).wrench[0] == pytest.approx(0.0505, abs=1e-6)
+
+
+def told(aligner: Aligner, instant: float) -> float:
+    """Value at an instant of the robot, NaN if there is none."""
+    found = aligner.at(instant).wrench
+    return math.nan if found is None else float(found[0])
+
+
+def feed(aligner: Aligner, begin: float, end: float, *, robot: bool = True, sensor: bool = True) -> None:
+    """Both streams for some time [s], without delay; the sensor's values are the time."""
+    for k in range(round(begin * 1000), round(end * 1000)):
+        if sensor:
+            aligner.add(k, k * 1_000_000, [k * 1e-3] * 6)
+        if robot and k % 2 == 0:
+            aligner.observe_robot(k * 1e-3, k * 1_000_000)
+
+
+@pytest.mark.parametrize("known", ["robot", "sensor"])
+def test_nothing_is_aligned_until_both_clocks_are_known(known):
+    """At the start, and when both have been forgotten."""
+    aligner = Aligner(period=1e-3)
+    feed(aligner, 0.0, 1.0, robot=known == "robot", sensor=known == "sensor")
+    feed(aligner, 1.0, 1.01)
+    assert not aligner.ready
+    feed(aligner, 1.01, 2.0)
+    assert told(aligner, 1.9) == pytest.approx(1.9)
+    aligner.forget()
+    feed(aligner, 2.0, 3.0, robot=known == "robot", sensor=known == "sensor")
+    feed(aligner, 3.0, 3.01)
+    assert math.isnan(told(aligner, 3.0))
+    feed(aligner, 3.01, 4.0)
+    assert told(aligner, 3.9) == pytest.approx(3.9)
+
+
+def test_a_robot_that_was_silent_for_a_while_keeps_its_clock():
+    aligner = Aligner(period=1e-3)
+    feed(aligner, 0.0, 4.0)
+    feed(aligner, 4.0, 9.0, robot=False)
+    feed(aligner, 9.0, 9.01)
+    assert told(aligner, 9.005) == pytest.approx(9.005, abs=1e-5)
+
+
+def test_old_readings_are_not_kept():
+    aligner = Aligner(period=1e-3, keep=100)
+    feed(aligner, 0.0, 1.0)
+    assert told(aligner, 0.95) == pytest.approx(0.95)
+    assert math.isnan(told(aligner, 0.85))
