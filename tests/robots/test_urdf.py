@@ -172,6 +172,8 @@ def test_meshes_are_scaled_placed_and_joined(tmp_path: Path) -> None:
          r"joint mount: type: expected one of revolute, .*, got screw"),
         ({'<child link="right"/>': '<child link="right"/><mimic joint="joint7"/>'},
          r"joint right_finger: .* held at zero, but it follows joint7 of the arm"),
+        ({'<child link="link3"/>': '<child link="link3"/><mimic joint="joint2"/>'},
+         r"joint joint3 follows joint2: expected an arm whose joints move by themselves"),
     ],
 )  # fmt: skip
 def test_unusable_urdfs_are_refused_with_the_element(
@@ -232,6 +234,10 @@ def test_the_folder_in_which_a_file_was_looked_for_is_named(
     monkeypatch.chdir(tmp_path)
     with pytest.raises(robots.RobotError, match=f"^none.urdf: no such file in {tmp_path}$"):
         robots.from_urdf("none.urdf")
+
+
+def test_an_arm_with_an_empty_name_has_that_of_its_file(tmp_path: Path) -> None:
+    assert robots.from_urdf(write(tmp_path, arm().replace('name="seven"', 'name=""'))).name == "arm"
 
 
 def test_unusable_files_and_tips_are_refused(tmp_path: Path) -> None:
