@@ -235,6 +235,16 @@ def test_a_row_with_a_missing_cell_is_ignored_and_a_word_is_no_number(tmp_path: 
     assert len(recording) == N - 1
 
 
+def test_words_in_rows_that_follow_each_other_are_one_problem(tmp_path: Path) -> None:
+    lines = text(columns()).splitlines()
+    for row in (2, 3, 4, 9, 20, 21):
+        lines[1 + row] = lines[1 + row].rpartition(",")[0] + ",oops"
+    (tmp_path / "a.csv").write_text("\n".join(lines))
+    problems = read(tmp_path / "a.csv", SCENE).problems
+    rows = [(problem.row_from, problem.row_to) for problem in problems if problem.kind == "bad_row"]
+    assert rows == [(2, 5), (9, 10), (20, 22)]
+
+
 def test_a_word_late_in_a_long_file_does_not_repeat_rows(tmp_path: Path) -> None:
     count = 30_000
     names = [
