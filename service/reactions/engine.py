@@ -124,7 +124,7 @@ class Engine:
                 del self._windows[name]
                 self._lapsed.append(f"{name}: closed after {window.expected.timeout:g} s, its timeout")
         degraded = estimate.status == "degraded"
-        if not (estimate.contacts or estimate.other > 0.0 or self._busy or degraded):
+        if not (estimate.contacts or estimate.other > 0.0 or self._busy):
             return ()
         moving = bool(np.abs(sample.qd).max() > self._rules.moving_speed)
         decisions = []

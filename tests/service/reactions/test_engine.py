@@ -79,6 +79,8 @@ CASES: list[tuple[str, dict[str, Any], Estimate, float, bool]] = [
     ),
     ("no single push, any link", {"links": ["any"]}, estimate(0.0, other=1.0, unexplained=60.0), 0.0, True),
     ("no single push, some link", {}, estimate(0.0, other=1.0, unexplained=60.0), 0.0, False),
+    ("any motion, at rest", {"while": "any"}, estimate(0.0, HIGH), 0.0, True),
+    ("any motion, moving", {"while": "any"}, estimate(0.0, HIGH), 0.1, True),
     ("while moving, at rest", {"while": "moving"}, estimate(0.0, HIGH), 0.0, False),
     ("while moving, moving", {"while": "moving"}, estimate(0.0, HIGH), 0.1, True),
     ("at rest, moving", {"while": "rest"}, estimate(0.0, HIGH), 0.1, False),
@@ -137,6 +139,14 @@ def test_the_decision_says_what_it_is_about() -> None:
     assert decision.probability == pytest.approx(1.0)
 
 
+def test_a_decision_about_no_single_push_has_its_force_and_no_link() -> None:
+    machine = engine(rule(links=["any"]))
+    (decision,) = machine.step(sample(0.0), estimate(0.0, other=0.95, unexplained=-60.0))
+    assert (decision.contact, decision.link, decision.link_index) == (0, "", -1)
+    assert (decision.force_base, decision.force) == ((0.0, 0.0, -60.0), 60.0)
+    assert decision.probability == pytest.approx(0.95)
+
+
 def test_a_contact_level_ends_with_hysteresis() -> None:
     machine = engine(rule(collision=None, contact={"force": 50.0, "release": 0.8}))
     steps = [60.0, 49.0, 42.0, 40.0, 49.0, 60.0]
@@ -150,7 +160,7 @@ def test_a_collision_latches_until_it_is_acknowledged() -> None:
     assert run(machine, estimate(0.1, HIGH), estimate(0.2), estimate(0.3, HIGH)) == []
     assert [(latch.rule, latch.t, latch.link) for latch in machine.latches] == [("r", 0.0, "forearm")]
     (ended,) = machine.acknowledge()
-    assert (ended.kind, ended.rule) == ("end", "r")
+    assert (ended.kind, ended.rule, ended.link, ended.link_index) == ("end", "r", "forearm", 3)
     assert not machine.latches
     assert machine.acknowledge() == ()
     assert run(machine, estimate(0.4, HIGH)) == [(0.4, "collision", "begin")]  # it is still there
@@ -210,10 +220,27 @@ def test_blindness_ends_nothing() -> None:
     assert run(machine, estimate(0.2)) == [(0.2, "contact", "end")]
 
 
+@pytest.mark.parametrize(
+    ("on_degraded", "seen", "unseen"), [("act", False, False), ("hold", False, False), ("ignore", True, True)]
+)
+def test_what_a_degraded_estimate_ends(on_degraded: str, seen: bool, unseen: bool) -> None:
+    """With the contact that lasts, and without any."""
+    for contacts, ends in (((HIGH,), seen), ((), unseen)):
+        machine = engine(rule(collision=None, contact={"force": 50.0}, on_degraded=on_degraded))
+        run(machine, estimate(0.0, HIGH))
+        assert bool(run(machine, estimate(0.1, *contacts, status="degraded"))) == ends
+
+
 def test_a_clock_set_back_starts_durations_anew() -> None:
     machine = engine(rule(collision={"force": 50.0, "duration": 0.1}))
     assert run(machine, estimate(10.0, HIGH), estimate(0.0, HIGH), estimate(0.05, HIGH)) == []
     assert run(machine, estimate(0.1, HIGH)) == [(0.1, "collision", "begin")]
+
+
+def test_a_level_that_was_active_when_the_clock_was_set_back_ends_with_the_contact() -> None:
+    machine = engine(rule(collision=None, contact={"force": 50.0}))
+    run(machine, estimate(10.0, HIGH))
+    assert run(machine, estimate(0.0, HIGH), estimate(0.1), estimate(0.2)) == [(0.1, "contact", "end")]
 
 
 EXPECTED = {"name": "insert", "links": ["forearm"], "force": 80.0, "timeout": 1.0, "value": 3}
@@ -257,6 +284,16 @@ def test_a_decision_is_updated_by_the_explanation_on_its_rules_links() -> None:
     assert machine.updated(begin, estimate(0.1, other)) == begin
 
 
+def test_a_decision_is_updated_by_the_most_probable_explanation_of_its_own_contact() -> None:
+    machine = engine(rule(links=["any"]))
+    (begin,) = machine.step(sample(0.0), estimate(0.0, contact(newtons=60.0, id=2)))
+    less, more, another = (
+        contact(newtons=newtons, probability=probability, id=number)
+        for newtons, probability, number in ((61.0, 0.2, 2), (62.0, 0.8, 2), (63.0, 0.9, 3))
+    )
+    assert machine.updated(begin, estimate(0.1, less, more, another, status="multiple")).force == 62.0
+
+
 def test_only_a_window_that_is_open_closes() -> None:
     windows = [{"name": name, "links": ["forearm"], "force": 60.0} for name in ("a", "b")]
     machine = engine(rule(), expected=windows)
@@ -281,17 +318,15 @@ def test_windows_close() -> None:
     assert run(machine, estimate(1.2, HIGH)) == [(1.2, "collision", "begin")]
 
 
-@given(st.lists(st.booleans(), min_size=1, max_size=60), st.integers(0, 10))
-def test_the_law_of_duration_and_latch(above: list[bool], samples: int) -> None:
-    """It fires once, at the first sample that ends a run of `duration` without a break."""
+@given(st.lists(st.sampled_from([60.0, 20.0, None]), min_size=1, max_size=60), st.integers(0, 10))
+def test_the_law_of_duration_and_latch(forces: list[float | None], samples: int) -> None:
+    """It fires once, at the first sample that ends a run of `duration` without a break; None: no contact."""
     machine = engine(rule(collision={"force": LEVEL, "duration": samples * STEP}))
-    fired = run(
-        machine,
-        *[estimate(i * STEP, contact(newtons=60.0 if up else 20.0)) for i, up in enumerate(above)],
-    )
+    touched = [() if force is None else (contact(newtons=force),) for force in forces]
+    fired = run(machine, *[estimate(i * STEP, *contacts) for i, contacts in enumerate(touched)])
     runs, count = [], 0
-    for up in above:
-        count = count + 1 if up else 0
+    for force in forces:
+        count = count + 1 if force == 60.0 else 0
         runs.append(count > samples)
     expected = [(runs.index(True) * STEP, "collision", "begin")] if any(runs) else []
     assert fired == expected
