@@ -129,6 +129,12 @@ def test_which_contacts_count(
     assert bool(run(machine, given_estimate, speed=speed)) == fires
 
 
+@pytest.mark.parametrize("order", [1, -1])
+def test_of_several_contacts_the_largest_counts(order: int) -> None:
+    pair = (HIGH, contact("upper_arm", 20.0, id=2))[::order]
+    assert run(engine(rule(links=["any"])), estimate(0.0, *pair, status="multiple"))
+
+
 def test_the_decision_says_what_it_is_about() -> None:
     other = contact("upper_arm", 70.0, 0.05)
     machine = engine(rule(links=["any"]))
