@@ -145,14 +145,6 @@ def test_the_decision_says_what_it_is_about() -> None:
     assert decision.probability == pytest.approx(1.0)
 
 
-def test_a_decision_about_no_single_push_has_its_force_and_no_link() -> None:
-    machine = engine(rule(links=["any"]))
-    (decision,) = machine.step(sample(0.0), estimate(0.0, other=0.95, unexplained=-60.0))
-    assert (decision.contact, decision.link, decision.link_index) == (0, "", -1)
-    assert (decision.force_base, decision.force) == ((0.0, 0.0, -60.0), 60.0)
-    assert decision.probability == pytest.approx(0.95)
-
-
 def test_a_contact_level_ends_with_hysteresis() -> None:
     machine = engine(rule(collision=None, contact={"force": 50.0, "release": 0.8}))
     steps = [60.0, 49.0, 42.0, 40.0, 49.0, 60.0]
