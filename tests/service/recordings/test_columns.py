@@ -55,7 +55,9 @@ def test_a_column_of_lists_is_told_as_such(tmp_path: Path, kind: pa.DataType) ->
         read(tmp_path / "a.parquet", SCENE)
 
 
-@pytest.mark.parametrize(("step", "unit"), [(2.0, "ms"), (2e3, "us"), (2e6, "ns"), (0.2, None)])
+@pytest.mark.parametrize(
+    ("step", "unit"), [(2.0, "ms"), (2e3, "us"), (2e6, "ns"), (0.6, "ms"), (0.4, None), (0.2, None)]
+)
 def test_the_unit_that_would_be_plausible_is_proposed(step: float, unit: str | None) -> None:
     assert unit_hint(step, 0.15) == (f"; is another unit meant (--columns time_unit={unit})?" if unit else "")
 
@@ -119,6 +121,15 @@ def test_the_example_of_the_help_names_columns(command: str) -> None:
     example = re.search(r"as\s+(q=\S+)\s+or\s+a\s+YAML", text)
     assert example is not None
     assert expand(ColumnMapping.parse(example[1]).q, 2, ()) == ["joint_0", "joint_1"]
+
+
+@pytest.mark.parametrize(("unit", "per_second"), [("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
+def test_times_in_every_unit_are_seconds(tmp_path: Path, unit: str, per_second: float) -> None:
+    found = columns()
+    path = as_parquet(tmp_path, found | {"timestamp": found["timestamp"] * per_second})
+    recording = read(path, SCENE, ColumnMapping.parse(f"time_unit={unit}"))
+    np.testing.assert_allclose(recording.t, found["timestamp"], rtol=1e-12)
+    assert recording.problems == ()
 
 
 def test_other_names_and_units(tmp_path: Path) -> None:
