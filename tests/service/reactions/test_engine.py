@@ -347,34 +347,27 @@ def test_the_law_of_direction(axis: list[float], force: list[float], half_angle:
     assert bool(run(machine, estimate(0.0, contact(force_base=push)))) == (angle < half_angle)
 
 
-def test_a_direction_in_the_links_frame_turns_with_it() -> None:
-    direction = {"axis": [1, 0, 0], "half_angle": 0.2, "frame": "link"}
-    machine = engine(rule(links=["shoulder"], direction=direction))
-    turned = np.array([0.7, 0.0, 0.0, 0.0, 0.0, 0.0])
-    zero = engine(rule(links=["shoulder"], direction=direction))
-    motion = empty_motion(6)
-    forward_kinematics(build_model(SCENE.robot), turned, motion)
-    push = 60.0 * motion.rotation[1][:, 0]
-    hit = estimate(0.0, contact("shoulder", force_base=push))
-    assert machine.step(sample(0.0, q=turned), hit)
-    assert not zero.step(sample(0.0), hit)
-
-
-def test_a_direction_in_a_tools_frame_is_one_of_the_flange() -> None:
+@pytest.mark.parametrize("link", [*SCENE.link_names[1:], "ball"])
+def test_a_direction_in_the_links_frame_turns_with_it(link: str) -> None:
+    """A tool's frame is the flange's."""
     arm, turn = SCENE.robot, rotation_from_rpy((0.0, 0.5, 1.0))
     turned = robots.Robot(arm.name, arm.links, arm.joints, turn, np.zeros(3))
     ball = Sphere(center=(0.0, 0.0, 0.1), radius=0.05)
     scene = Scene(robot=turned, tool=Tool(name="ball", mass=1.0, primitives=(ball,)))
     direction = {"axis": [1, 0, 0], "half_angle": 0.2, "frame": "link"}
-    given = rule(links=["tool"], direction=direction)
-    machine = Engine(ReactionRules.model_validate({"rules": [given]}), scene)
-    motion = empty_motion(6)
-    forward_kinematics(build_model(turned), np.zeros(6), motion)
-    index = scene.link_names.index("ball")
+    machine = Engine(
+        ReactionRules.model_validate({"rules": [rule(links=[link], direction=direction)]}), scene
+    )
+    q, motion, index = (
+        np.array([0.7, -1.3, 1.6, -0.9, 0.8, 0.4]),
+        empty_motion(6),
+        scene.link_names.index(link),
+    )
+    forward_kinematics(build_model(turned), q, motion)
+    frame = motion.rotation[6] @ turn if link == "ball" else motion.rotation[index]
     for axis, fires in ((1, False), (0, True)):
-        push = 60.0 * (motion.rotation[6] @ turn)[:, axis]
-        hit = estimate(0.0, replace(contact(force_base=push), link="ball", link_index=index))
-        assert bool(machine.step(sample(0.0), hit)) == fires
+        hit = estimate(0.0, replace(contact(force_base=60.0 * frame[:, axis]), link=link, link_index=index))
+        assert bool(machine.step(sample(0.0, q=q), hit)) == fires
 
 
 def test_a_window_that_is_announced_before_the_first_sample_opens_with_it() -> None:
