@@ -123,6 +123,22 @@ def test_the_example_of_the_help_names_columns(command: str) -> None:
     assert expand(ColumnMapping.parse(example[1]).q, 2, ()) == ["joint_0", "joint_1"]
 
 
+@pytest.mark.parametrize(
+    ("names", "count", "available", "found"),
+    [
+        (["q"], 2, ["q_0", "q_1"], ["q_0", "q_1"]),
+        (["a", "b"], 2, [], ["a", "b"]),
+        (["q"], 1, ["q_0"], ["q_0"]),
+        (["q"], 1, ["q"], ["q"]),
+    ],
+)
+def test_a_prefix_is_numbered_and_a_full_list_is_not(
+    names: list[str], count: int, available: list[str], found: list[str]
+) -> None:
+    """One name for one value may be either."""
+    assert expand(names, count, available) == found
+
+
 @pytest.mark.parametrize(("unit", "per_second"), [("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
 def test_times_in_every_unit_are_seconds(tmp_path: Path, unit: str, per_second: float) -> None:
     found = columns()
