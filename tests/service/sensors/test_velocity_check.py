@@ -164,12 +164,48 @@ def test_offset_and_noise_of_the_velocity_at_rest_are_no_movement(offset: float,
         assert not check.contradict(t, np.zeros(6), offset + noise * rng.standard_normal(6))
 
 
-def test_a_wrong_velocity_is_not_believed_after_a_gap_or_with_the_same_stamp() -> None:
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_wrong_velocity_is_not_believed_after_a_gap_or_with_the_same_stamp(sign: float) -> None:
     check, told = VelocityCheck(6, LATE), []
     for k, t in enumerate(np.arange(0.0, 2.0, 0.002)):
-        if k % 100 < 60:
+        if k % 100 < 40:  # the gap is longer than velocities are integrated
             stamp = 0.01 * (k // 5) if k > 500 else t
-            told.append(check.contradict(stamp, np.full(6, 0.5 * t), np.zeros(6)))
+            told.append(check.contradict(stamp, np.full(6, 0.5 * sign * t), np.zeros(6)))
     first = told.index(True)
     assert first < 30
     assert all(told[first:])
+
+
+def _told(t: np.ndarray, q: np.ndarray, qd: np.ndarray) -> bool:
+    """Whether the velocities of one joint ever contradict its positions."""
+    check = VelocityCheck(1, LATE)
+    return any(check.contradict(*sample) for sample in zip(t, q[:, None], qd[:, None], strict=True))
+
+
+@pytest.mark.parametrize("speed", [1.0, -1.0])
+@pytest.mark.parametrize(("factor", "wrong"), [(0.8, True), (0.88, False), (1.12, False), (1.2, True)])
+def test_a_velocity_that_is_too_large_or_too_small(speed: float, factor: float, wrong: bool) -> None:
+    """In steady motion at 1 rad/s the difference within 0.25 s may be 0.03 rad, and 0.01 rad for lateness."""
+    t = np.arange(0.0, 3.0, 0.002)
+    assert _told(t, speed * t, np.full(len(t), factor * speed)) == wrong
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("moved", "integral", "wrong"),
+    [(0.004, 0.0, False), (0.007, 0.0, True), (0.0, 0.007, False), (0.0, 0.014, True)],
+)
+def test_a_short_movement_without_a_velocity_and_a_velocity_without_movement(
+    sign: float, moved: float, integral: float, wrong: bool
+) -> None:
+    """Within 0.1 s. A velocity may be late, so more of it is needed."""
+    t = np.arange(0.0, 1.0, 0.002)
+    q, qd = moved * np.clip(10.0 * (t - 0.2), 0.0, 1.0), 10.0 * integral * ((t > 0.2) & (t < 0.3))
+    assert _told(t, sign * q, sign * qd) == wrong
+
+
+@pytest.mark.parametrize(("gap", "wrong"), [(0.05, True), (0.2, False)])
+def test_movements_before_a_long_gap_do_not_count(gap: float, wrong: bool) -> None:
+    t = np.arange(0.0, 0.3, 0.002)
+    q = 0.004 * (np.clip(50.0 * (t - 0.1), 0.0, 1.0) + np.clip(50.0 * (t - 0.2), 0.0, 1.0))
+    assert _told(t + gap * (t > 0.16), q, np.zeros(len(t))) == wrong
