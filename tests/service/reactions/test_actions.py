@@ -13,6 +13,7 @@ import time
 import urllib.error
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -257,7 +258,24 @@ def test_registers() -> None:
         "input_bit_register_66": True,
         "input_bit_register_67": False,
     }
-    assert action.values(None, 0.0, False, True)[0] == 0
+    assert action.values(None, 2.5, False, True) == (
+        0,
+        0.0,
+        -1,
+        0.0,
+        0.0,
+        0.0,
+        2.5,
+        False,
+        False,
+        False,
+        True,
+    )
+    # A contact that no single push explains: it is on no link.
+    unexplained = replace(DECISION, level="contact", link_index=-1, point_base=())
+    assert action.values(unexplained, 2.5, False, False) == (
+        *(1, 60.0, -1, 0.0, 0.0, 0.0, 2.5), *(False, True, False, False)
+    )  # fmt: skip
 
 
 FAKE_UR_RTDE = """

@@ -10,6 +10,7 @@ from pydantic import ValidationError
 from contactsense import Scene
 from contactsense.service.cli.reactions import check
 from contactsense.service.reactions.actions.command import CommandAction
+from contactsense.service.reactions.actions.registers import RegistersAction
 from contactsense.service.reactions.explain import explain, explain_actions
 from contactsense.service.reactions.rules import Inputs, ReactionRules, RulesError
 from tests.service.reactions.estimates import SCENE
@@ -226,3 +227,31 @@ def test_inputs_are_registers_that_a_program_can_write(given: dict[str, Any], co
     Inputs(acknowledge="output_bit_register_127", announce="output_int_register_47")
     with pytest.raises(ValidationError, match=complaint):
         Inputs.model_validate(given)
+
+
+@pytest.mark.parametrize(
+    ("field", "given", "name"),
+    [
+        ("code", 0, "input_int_register_0"),
+        ("code", "input_int_register_47", "input_int_register_47"),
+        ("link", "24", "input_int_register_24"),
+        ("force", "input_double_register_0", "input_double_register_0"),
+        ("time", 46, "input_double_register_46"),
+        ("heartbeat", "input_bit_register_127", "input_bit_register_127"),
+        ("contact", 68, "input_bit_register_68"),
+    ],
+)
+def test_a_register_is_stated_by_its_number_or_its_name(field: str, given: Any, name: str) -> None:
+    assert name in RegistersAction.model_validate({"type": "registers", field: given}).names
+
+
+@pytest.mark.parametrize(
+    ("field", "given"),
+    [
+        *(("code", given) for given in ("input_double_register_46", "input_int_register_", "\u00b2", 48, -1)),
+        *(("heartbeat", given) for given in ("input_int_register_70", 63, 128)),
+    ],
+)
+def test_what_is_no_register_is_refused(field: str, given: Any) -> None:
+    with pytest.raises(ValidationError, match=field):
+        RegistersAction.model_validate({"type": "registers", field: given})
