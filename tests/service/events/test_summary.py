@@ -118,8 +118,38 @@ def test_why_the_end_of_a_contact_was_not_seen(reason: str, told: str) -> None:
 
 
 def test_an_event_without_a_known_contact() -> None:
-    (release,) = ContactSummaries().update(estimate(1.0, event="release", number=5), "")
-    assert (release.kind, release.contact, release.link, release.point) == ("release", 5, "", None)
+    alone = replace(estimate(1.0), events=(Event("release", 5, 1.0, "forearm"),))
+    (release,) = ContactSummaries().update(alone, "now")
+    assert (release.kind, release.contact, release.link, release.point) == ("release", 5, "forearm", None)
+    assert release.time == "now"
+
+
+def test_a_contact_that_resumes_in_an_estimate_without_contacts_is_known_but_not_its_force() -> None:
+    """As in a degraded one."""
+    summaries = ContactSummaries()
+    summaries.update(estimate(0.0, FOREARM, event="onset"), "")
+    summaries.update(estimate(0.1, event="release"), "")
+    (resume,) = summaries.update(estimate(0.15, event="resume"), "")
+    assert (resume.kind, resume.contact, resume.point) == ("resume", 1, None)
+    assert summaries.update(estimate(0.2, FOREARM, event="hold"), "")[0].duration == pytest.approx(0.2)
+
+
+def test_a_place_about_which_nothing_is_known_is_none() -> None:
+    """Where it is known later, that counts."""
+    summaries, anywhere = ContactSummaries(), replace(FOREARM, covariance=np.full((3, 3), np.inf))
+    (onset,) = summaries.update(estimate(0.0, anywhere, event="onset"), "")
+    assert (onset.link, onset.point, onset.point_base, onset.covariance) == ("forearm", None, None, None)
+    (hold,) = summaries.update(estimate(0.01, FOREARM, event="hold"), "")
+    assert hold.point == pytest.approx([0.1, 0.0, 0.0])
+    assert hold.point_base == pytest.approx([0.5, 0.0, 0.4])
+    np.testing.assert_allclose(hold.covariance, 1e-4 * np.eye(3))
+
+
+def test_a_measurement_that_is_no_contact_is_not_summed_up() -> None:
+    """Its number is 0."""
+    summaries = ContactSummaries()
+    assert not summaries.update(estimate(0.0, replace(FOREARM, id=0)), "")
+    assert not summaries.update(estimate(5.0), "")
 
 
 def test_a_contact_that_resumes_is_summed_up_from_its_onset_on() -> None:
