@@ -278,6 +278,26 @@ def test_registers() -> None:
     )  # fmt: skip
 
 
+@pytest.mark.parametrize(
+    ("left_out", "kinds"),
+    [
+        ("force", {"double_register_47"}),
+        ("link", {"int_register_40"}),
+        ("point", {f"double_register_{i}" for i in (44, 45, 46)}),
+        ("time", {"double_register_43"}),
+        *((bit, {f"bit_register_{64 + i}"}) for i, bit in enumerate(["heartbeat", "contact", "collision"])),
+        ("degraded", {"bit_register_67"}),
+    ],
+)
+def test_a_register_that_is_left_out_changes_no_other(left_out: str, kinds: set[str]) -> None:
+    fields: dict[str, Any] = {"type": "registers", "link": 40, "point": (44, 45, 46), "time": 43}
+    every, some = (
+        dict(zip(action.names, action.values(DECISION, 1.5, True, False), strict=True))
+        for action in map(RegistersAction.model_validate, (fields, {**fields, left_out: None}))
+    )
+    assert some == {name: value for name, value in every.items() if name.removeprefix("input_") not in kinds}
+
+
 FAKE_UR_RTDE = """
 import os, sys, time
 class RTDEControlInterface:

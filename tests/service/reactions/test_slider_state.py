@@ -73,3 +73,14 @@ def test_a_touch_a_level_and_a_clock_that_is_set_back_begin_the_wait_anew(
         assert slider.state.watch(estimate(t), False) == ""
     assert slider.values[SLIDER_READING] == 0.1
     assert slider.state.watch(estimate(2.2), False) != ""
+
+
+@pytest.mark.parametrize(("left", "read"), [(None, True), (0.1, False)])
+def test_nothing_is_raised_that_was_not_left_or_is_not_read(left: float | None, read: bool) -> None:
+    slider = Slider(0.1)
+    slider.state.take_over(left)
+    if not read:
+        slider.values.clear()
+    assert slider.state.raise_left() == ""
+    assert slider.state.lowered == left
+    assert slider.values == ({SLIDER_READING: 0.1} if read else {})
