@@ -29,13 +29,20 @@ RULES: dict[str, Any] = {
 
 
 class Play:
-    """A listener whose robot is the mock."""
+    """A listener whose robot is the mock.
 
-    def __init__(self, server: Any, rules: dict[str, Any] | None = None) -> None:
+    Args:
+        server: The mock.
+        rules: Content of the rules' file; None: `RULES`.
+        told: Whether the service has told what an earlier process has left: nothing.
+    """
+
+    def __init__(self, server: Any, rules: dict[str, Any] | None = None, told: bool = True) -> None:
         found = ReactionRules.model_validate({**(rules or RULES), "robot": {"rtde_port": server.port}})
         self.server, self.inputs = server, server.controller.inputs
         self.listener = ReactionListener(found, SCENE, "127.0.0.1")
-        self.listener.command({"type": "restore", "decisions": []})
+        if told:
+            self.listener.command({"type": "restore", "decisions": []})
         self.reports: list[dict[str, Any]] = []
 
     def until(self, condition: Callable[[], object]) -> None:
