@@ -1,14 +1,17 @@
 """What the service knows of the reactions, from reports of the pipeline's process."""
 
+import asyncio
 import logging
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from contactsense.service.reactions.actions.registers import RegistersAction
 from contactsense.service.reactions.actions.speed_slider import SpeedSliderAction
-from contactsense.service.reactions.rules import ReactionRules
-from contactsense.service.reactions.state import Reactions
+from contactsense.service.reactions.rules import ReactionRules, RulesError
+from contactsense.service.reactions.state import Reactions, ReactionSettings
+from tests.service.reactions.estimates import SCENE
 
 RULES = ReactionRules.model_validate(
     {"rules": [{"name": name, "links": ["any"], "collision": {"force": 50.0}} for name in ("old", "new")]}
@@ -145,3 +148,130 @@ def test_a_start_without_a_journal_says_what_becomes_of_the_slider(
         Reactions(SLOW, "192.0.2.1", lambda _: True, kept=kept)
     told = "reactions: action slow: without --journal FILE the speed slider stays low if the service ends"
     assert [text.startswith(told) for text in caplog.messages] == [True] * times
+
+
+@pytest.mark.parametrize(
+    ("given", "scene", "beside", "found"),
+    [
+        (None, "scene.yaml", True, "beside"),
+        (None, "scene.yaml", False, None),
+        (None, None, True, None),
+        ("other.yaml", "scene.yaml", True, "other"),
+        ("other.yaml", None, True, "other"),
+    ],
+)
+def test_rules_are_those_of_the_file_that_is_given_or_lies_beside_the_scene(
+    tmp_path: Path, given: str | None, scene: str | None, beside: bool, found: str | None
+) -> None:
+    text = "rules: [{name: NAME, links: [any], contact: {force: 10}}]"
+    (tmp_path / "other.yaml").write_text(text.replace("NAME", "other"))
+    if beside:
+        (tmp_path / "reactions.yaml").write_text(text.replace("NAME", "beside"))
+    settings = ReactionSettings(file=None if given is None else tmp_path / given)
+    rules = settings.load(SCENE, None if scene is None else tmp_path / scene)
+    assert (None if rules is None else rules.rules[0].name) == found
+
+
+def with_actions(**actions: dict[str, Any]) -> ReactionRules:
+    return ReactionRules.model_validate({**RULES.model_dump(by_alias=True), "actions": actions})
+
+
+def test_actions_on_a_robot_need_its_address() -> None:
+    """The rules name it, or samples come from it; others do without."""
+    rules = with_actions(note={"type": "command", "command": ["true"]}, tell={"type": "registers"})
+    with pytest.raises(
+        RulesError, match=r"robot\.host: expected the controller's address for tell, got none"
+    ):
+        Reactions(rules, None, lambda _: True)
+    reactions = Reactions(with_actions(note={"type": "command", "command": ["true"]}), None, lambda _: True)
+    with pytest.raises(RulesError):
+        reactions.replace(rules)
+    assert reactions.rules is not None
+    assert list(reactions.rules.actions) == ["note"]  # nothing has changed
+    Reactions(rules, "192.0.2.1", lambda _: True)
+
+
+def test_rules_that_no_longer_move_a_slider_that_is_low_say_so(caplog: pytest.LogCaptureFixture) -> None:
+    stored: list[float | None] = []
+    reactions = Reactions(SLOW, "192.0.2.1", lambda _: True)
+    reactions.on_lowered = stored.append
+    reactions.handle_report(report(restored=True, lowered=0.1))
+    reactions.replace(SLOW)
+    assert reactions.health().lowered == 0.1
+    assert not caplog.messages
+    reactions.replace(RULES)
+    assert reactions.health().lowered is None
+    assert caplog.messages == ["reactions: the speed slider is at 10 %: no action raises it any more"]
+    reactions.handle_report(report(restored=True, lowered=0.1))  # of the process with the rules of before
+    assert reactions.health().lowered is None
+    assert stored == [0.1, None]
+
+
+def test_what_a_process_lowers_before_it_knows_of_the_one_before_is_known() -> None:
+    reactions = Reactions(SLOW, "192.0.2.1", lambda _: True)
+    reactions.handle_report(report(restored=False, lowered=0.1))
+    assert reactions.health().lowered == 0.1
+
+
+@pytest.mark.parametrize("rules", [SLOW, RULES, None])
+def test_a_start_says_what_the_last_end_has_left(
+    rules: ReactionRules | None, caplog: pytest.LogCaptureFixture
+) -> None:
+    reactions = Reactions(rules, "192.0.2.1", lambda _: True)
+    reactions.restore([latch("old")], 0.1)
+    raised = "it is raised once no force acts, unless somebody has moved it"
+    slider = raised if rules is SLOW else "no action raises it any more"
+    assert caplog.messages == [
+        f"the service ended with the speed slider at 10 %: {slider}",
+        *["rule old: the collision on forearm is still latched"] * (rules is not None),
+    ]
+    assert reactions.health().lowered == (0.1 if rules is SLOW else None)
+    assert reactions.health().latched == (rules is not None)
+
+
+def test_webhooks_that_fail_are_failing_until_one_is_delivered() -> None:
+    rules = with_actions(hook={"type": "webhook", "url": "http://127.0.0.1/", "secret_file": "none"})
+    reactions = Reactions(rules, None, lambda _: True)
+    told = {"t": 0.0, "rule": "old", "link": ""}
+    assert reactions.note_webhook("hook", False, "refused", told).reason == "failed: refused"
+    found = reactions.health()
+    assert (found.status, found.actions["hook"].error) == ("failing", "refused")
+    reactions.note_webhook("hook", True, "answered 200", told)
+    found = reactions.health()
+    assert (found.status, found.actions["hook"].error) == ("ok", "")
+    assert (found.actions["hook"].started, found.actions["hook"].failed) == (2, 1)
+    reactions.replace(RULES)
+    assert not reactions.health().actions
+
+
+@pytest.mark.parametrize(("name", "sent"), [("insert", True), ("remove", False)])
+@pytest.mark.parametrize("runs", [True, False])
+def test_only_what_the_rules_expect_is_announced(name: str, sent: bool, runs: bool) -> None:
+    expected = {"name": "insert", "links": ["forearm"], "force": 80.0}
+    rules = ReactionRules.model_validate({**RULES.model_dump(by_alias=True), "expected": [expected]})
+    commands: list[dict[str, Any]] = []
+    reactions = Reactions(rules, None, lambda command: commands.append(command) or runs)  # type: ignore[func-returns-value]
+    assert reactions.announce(name) == (sent and runs)
+    assert commands == [{"type": "announce", "name": name}] * sent
+
+
+@pytest.mark.parametrize("runs", [True, False])
+def test_a_request_waits_until_it_is_answered(runs: bool) -> None:
+    """And not at all where no pipeline runs."""
+
+    async def scenario() -> bool:
+        loop = asyncio.get_running_loop()
+
+        def send(command: dict[str, Any]) -> bool:
+            answer = {**report(restored=True), "answer": command["id"]}
+            loop.call_soon(reactions.handle_report, {**answer, "answer": "another"})
+            loop.call_later(0.01, reactions.handle_report, answer)
+            return runs
+
+        reactions = Reactions(RULES, None, send)
+        begin = loop.time()
+        done = await reactions.request({"type": "withdraw", "name": None})
+        assert (loop.time() - begin >= 0.009) == runs
+        return done
+
+    assert asyncio.run(scenario()) == runs

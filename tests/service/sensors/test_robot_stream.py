@@ -49,6 +49,13 @@ def test_swapped_packets_are_put_right_by_leaving_out_the_late_one():
     assert (health.out_of_order, health.jumps) == (3, 0)
 
 
+@pytest.mark.parametrize(("back", "late"), [(0.4, True), (0.6, False)])
+def test_half_a_second_tells_a_late_packet_from_a_clock_that_was_set_back(back, late):
+    admitted, health = count(100.0, 100.0 - back)
+    assert len(admitted) == 2 - late
+    assert (health.out_of_order, health.jumps) == (int(late), int(not late))
+
+
 def test_a_clock_set_back_a_little_is_another_clock_after_a_while():
     stamps = [100.0 + 0.002 * k for k in range(5)] + [99.8 + 0.002 * k for k in range(20)]
     admitted, health = count(*stamps)
