@@ -22,7 +22,9 @@ from contactsense.residuals.momentum_observer import (
     MomentumObserver,
     advance,
     advance_all,
+    copy_history,
     empty_observer,
+    in_step,
     noise_variance_ratio,
     start_step,
 )
@@ -210,6 +212,43 @@ def test_at_a_late_sample_the_integrand_is_a_straight_line() -> None:
     assert a == pytest.approx(np.exp(-K * dt))
     assert weights[0] + weights[1] == pytest.approx(np.trapezoid(kernel, s), rel=1e-6)
     assert weights[0] * dt == pytest.approx(np.trapezoid(kernel * s, s), rel=1e-6)
+
+
+@pytest.mark.parametrize("short", [1e-5, 1e-4, 5e-4])
+def test_a_sample_that_comes_too_soon_amplifies_no_noise(short: float) -> None:
+    """Nor does it in the steps after it, whose cubic would pass through two samples at nearly one time."""
+    observer, ratios = empty_observer(0), []
+    for dt in (0.0, *[0.002] * 400, short, *[0.002] * 10):
+        start_step(observer, dt, BANDWIDTH)
+        ratios.append(observer.history[0].variance_ratio)
+    assert max(ratios[-11:]) < 1.05 * ratios[-12]
+
+
+def test_groups_are_in_step_after_the_same_steps_only() -> None:
+    def after(*steps: float) -> MomentumObserver:
+        observer = empty_observer(0)
+        for dt in steps:
+            start_step(observer, dt, BANDWIDTH)
+        return observer
+
+    steps = (0.0, 0.002, 0.004, 0.002, 0.002)
+    assert in_step(after(*steps), after(*steps))
+    for others in ((*steps, 0.002), (*steps[:-1], 0.003), (0.0, 0.004, 0.002, 0.002, 0.002), (*steps, 0.0)):
+        assert not in_step(after(*steps), after(*others))
+    for name in (
+        "samples",
+        "step",
+        "step_before",
+        "variance_ratio",
+        "covariance_0",
+        "covariance_1",
+        "covariance_2",
+    ):
+        one, other = after(*steps), after(*steps)
+        other.history[0][name] += 1
+        assert not in_step(one, other)
+        copy_history(other, one)
+        assert in_step(one, other)
 
 
 def test_all_equations_at_once_are_those_one_by_one() -> None:
