@@ -23,7 +23,7 @@ DT, BANDWIDTH = 0.002, 10.0
 TIME_CONSTANT = 1.0 / (2.0 * np.pi * BANDWIDTH)
 BODY, FORCE, NOISE = 3, 20.0, 0.02
 """The touched body, the force on it [N], and the noise of the moments [Nm]."""
-POINT, NORMAL = np.array([-0.2, 0.04, 0.007]), np.array([0.0, 0.6, 0.8])
+POINT, NORMAL = np.array([-0.2, 0.04, 0.007]), np.array([0.36, 0.48, 0.8])
 RATIOS = [0.06 - 1e-5 * i for i in range(WINDOWS)]
 UNIT = float(np.hypot(NOISE * np.sqrt(RATIOS[0]) / FORCE, POSITION_TOLERANCE))
 """Standard deviation of a window's place, nearly the same for all, and how far skin gives way [m]."""
@@ -43,7 +43,7 @@ def touched(shifts: list[float], newest: float = FORCE) -> ContactTrack:
     track = zeros(ContactTrack, **SIZES)
     track.last_point[:], track.last_normal[:] = POINT, NORMAL
     track.status[0].last_body = BODY
-    tangent = np.array(tangents((0.0, 0.6, 0.8))[0])
+    tangent = np.array(tangents((0.36, 0.48, 0.8))[0])
     for i, shift in enumerate(shifts):
         place = POINT + shift * UNIT * tangent
         put(track, i, place, -(newest if i == 0 else FORCE) * NORMAL)
@@ -67,7 +67,7 @@ def test_the_place_of_a_window_is_where_its_force_meets_the_tangent_plane(seed: 
     """Whatever the direction of the force, and its torsion about the normal."""
     chance = np.random.default_rng(seed)
     track = touched([0.0] * WINDOWS)
-    ways = np.array(tangents((0.0, 0.6, 0.8)))
+    ways = np.array(tangents((0.36, 0.48, 0.8)))
     places, forces = chance.uniform(-0.1, 0.1, (WINDOWS, 2)), chance.uniform(-30.0, 30.0, (WINDOWS, 3))
     for i in range(WINDOWS):
         put(track, i, POINT + places[i] @ ways, forces[i], torsion=chance.uniform(-2.0, 2.0))
