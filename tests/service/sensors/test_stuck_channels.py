@@ -41,6 +41,27 @@ def test_a_channel_that_sticks_is_found_at_once_and_well_at_once(at_rest: bool, 
     assert not any(found[:first] + found[900:])
 
 
+@pytest.mark.parametrize("readings", [2000, 20_000])
+@pytest.mark.parametrize(("counts", "judged"), [(4.0, True), (1.9, False)])
+def test_how_coarse_a_channel_may_be(readings: int, counts: float, judged: bool) -> None:
+    """Of noise of so many counts, white, 7 and 15 % of the values repeat; that holds however long it rests."""
+    check, coarse = StuckChannels(6, from_start=False), np.round(counts * noise(readings))
+    told(check, coarse, True)
+    moving = np.round(1000.0 * noise(100, seed=1))
+    moving[50:, 3] = 7.0
+    assert any(told(check, moving, False)) == judged
+
+
+def test_a_channel_that_was_noisy_once_is_judged_by_what_it_is_now() -> None:
+    """As where a simulator takes the place of a robot."""
+    check, t = StuckChannels(6, from_start=False), 0.002 * np.arange(20_000)[:, None]
+    told(check, noise(20_000), True)
+    settling = np.sin(t + np.arange(6))
+    told(check, settling, True)
+    settling[:, 2] = 1.0
+    assert not any(told(check, settling[:100], True))
+
+
 def test_two_channels_may_be_stuck() -> None:
     check = StuckChannels(6, from_start=False)
     told(check, noise(KNOWN), True)
