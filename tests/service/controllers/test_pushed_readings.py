@@ -1,5 +1,6 @@
 """What a controller repeats while the arm moves is told and not used; at rest it may repeat."""
 
+import contextlib
 import json
 import socket
 from dataclasses import replace
@@ -155,6 +156,30 @@ def test_samples_with_stale_positions_are_refused() -> None:
             readings.checked(replace(moving(i), q=first.q))
     assert "its state is stale" in readings.trouble[0]
     assert readings.checked(moving(50)).t == moving(50).t
+
+
+@pytest.mark.parametrize(
+    ("times", "used", "told"),
+    [
+        ([0, 0, 1, 1, 2, 2, 3, 3], [0, 1, 2, 3], "t: samples have the time of the one before"),
+        ([1, 0, 3, 2, 5, 4, 7, 6], [1, 3, 5, 7], "t: the times of the samples run back again and again"),
+        (
+            [0, 1000, 1, 1001, 2, 1002, 3],
+            [0, 1000, 1, 1001, 2, 1002, 3],
+            "t: the times of the samples jump back",
+        ),
+        ([0, 1, 1, 2, 2, 3], [0, 1, 2, 3], None),  # few
+    ],
+)
+def test_what_is_wrong_with_the_times_is_told(times: list[int], used: list[int], told: str | None) -> None:
+    readings, taken = PushedReadings(SCENE), []
+    for i in times:
+        # At rest: two clocks would contradict the velocities, too.
+        with contextlib.suppress(MessageError):
+            readings.checked(replace(moving(0), t=STEP * i, qd=np.zeros(6)))
+            taken.append(i)
+    assert taken == used
+    assert [text[: len(told or "")] for text in readings.trouble] == ([] if told is None else [told])
 
 
 def test_a_simulator_at_rest_may_repeat_itself() -> None:
