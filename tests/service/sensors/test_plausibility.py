@@ -38,8 +38,9 @@ def test_a_signal_slower_than_its_packets_is_not_frozen():
     assert max(check.update(t, round(t / 0.008 - 0.5)) for t in TIMES) < 0.04
 
 
-def test_positions_may_repeat_at_rest_but_not_in_motion():
-    q, rest, moving = np.zeros(6), np.zeros(6), np.array([0.0, 0.5, 0.0, 0.0, 0.0, 0.0])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_positions_may_repeat_at_rest_but_not_in_motion(sign):
+    q, rest, moving = np.zeros(6), np.zeros(6), np.array([0.0, 0.5 * sign, 0.0, 0.0, 0.0, 0.0])
     check = RobotCheck(LIMITS)
     assert not any(check.positions_stale(t, q, rest) for t in TIMES)
     check = RobotCheck(LIMITS)
@@ -48,6 +49,13 @@ def test_positions_may_repeat_at_rest_but_not_in_motion():
     assert all(stale[1:])
     check = RobotCheck(LIMITS)
     assert not any(check.positions_stale(t, q + moving * t, moving) for t in TIMES)
+
+
+def test_positions_are_stale_from_the_moment_at_which_they_should_have_changed():
+    """By 0.2 mrad: at 0.03 rad/s after 7 ms."""
+    check = RobotCheck(LIMITS)
+    stale = [check.positions_stale(t, np.zeros(6), np.full(6, 0.03)) for t in TIMES]
+    assert stale == [t > 0.0067 for t in TIMES]
 
 
 def test_one_absurd_velocity_does_not_make_an_arm_at_rest_stale_for_ever():
@@ -80,6 +88,9 @@ def test_velocities_far_beyond_the_joints_limits_are_impossible():
     check = RobotCheck(LIMITS)
     assert not check.velocities_impossible(np.full(6, -np.pi))
     assert check.velocities_impossible(np.array([0.0, 0.0, 0.0, 0.0, 0.0, -1e300]))
+    for sign in (1.0, -1.0):
+        assert not check.velocities_impossible(np.full(6, sign * 2.9 * np.pi))
+        assert check.velocities_impossible(np.array([sign * 3.1 * np.pi, 0.0, 0.0, 0.0, 0.0, 0.0]))
     assert not RobotCheck(np.full(6, np.inf)).velocities_impossible(np.full(6, 1e300))
 
 
@@ -87,6 +98,16 @@ def test_whole_packets_that_repeat():
     check = RobotCheck(LIMITS)
     for t in TIMES:
         assert check.all_repeats(t, (1.0, 2.0, 3.0)) == pytest.approx(t)
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf])
+def test_a_reading_of_which_one_component_is_no_number_is_not_believed(wrong: float) -> None:
+    recent = RecentCounts()
+    for checked in (True, False):
+        check = ReadingCheck("base_wrench", checked, recent, ArmState())
+        assert check.believes(0.0, (1.0, 2.0, 3.0, 4.0, 5.0, 6.0), 0.0)
+        assert not check.believes(0.002, (1.1, 2.1, 3.1, 4.1, 5.1, wrong), 0.0)
+    assert recent.totals(time.monotonic())[SensorEvent("base_wrench", "not finite")] == 2
 
 
 def test_recent_counts_expire():
