@@ -44,7 +44,7 @@ def test_a_channel_that_sticks_is_found_at_once_and_well_at_once(at_rest: bool, 
 @pytest.mark.parametrize("readings", [2000, 20_000])
 @pytest.mark.parametrize(("counts", "judged"), [(4.0, True), (1.9, False)])
 def test_how_coarse_a_channel_may_be(readings: int, counts: float, judged: bool) -> None:
-    """Of noise of so many counts, white, 7 and 15 % of the values repeat; that holds however long it rests."""
+    """Of white noise of so many counts 7 and 15 % of the values repeat, however long the arm rests."""
     check, coarse = StuckChannels(6, from_start=False), np.round(counts * noise(readings))
     told(check, coarse, True)
     moving = np.round(1000.0 * noise(100, seed=1))
