@@ -24,7 +24,8 @@ TORQUE_UNITS = {
 """Values per newton metre."""
 FORCE_UNITS = {"kgf": 1.0 / KILOGRAM_FORCE, "lbf": 1.0 / POUND_FORCE, "mN": 1000.0}
 """Values per newton."""
-MOMENT_UNITS = {**TORQUE_UNITS, "Nmm": 1000.0}
+MOMENT_UNITS = {"Nmm" if unit == "mNm" else unit: value for unit, value in TORQUE_UNITS.items()}
+"""Values per newton metre; moments in mNm are those in Nmm, as force/torque sensors call it."""
 _FORCES, _MOMENTS = (1.0, *FORCE_UNITS.values()), (1.0, *MOMENT_UNITS.values())
 
 

@@ -1,14 +1,30 @@
 """The values of lines of a scene as they are printed."""
 
 from dataclasses import replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from contactsense import JointTorqueSensor, Scene, WrenchSensor
 from contactsense.robots.tool import Tool
-from contactsense.setup_check.lines import TORQUE_SIGNAL
+from contactsense.setup_check.lines import (
+    ANGLE_ORDER,
+    ANGLE_UNIT,
+    DELAYED_TORQUES,
+    FROZEN_TORQUES,
+    GRAVITY,
+    MOUNTING,
+    ROBOT,
+    TOOL,
+    TOOL_COM,
+    TOOL_MASS,
+    TORQUE_ORDER,
+    TORQUE_SIGN,
+    TORQUE_SIGNAL,
+    ZEROS,
+)
 from contactsense.setup_check.proposals import line_value
 from contactsense.setup_check.setup import Setup
 from tests.plain_arm import plain_ur5e
@@ -54,3 +70,128 @@ def test_the_orientation_of_a_sensor_is_written_as_in_the_scene(field: str) -> N
     sensors = {field: WrenchSensor(rpy=(2.0, 2.0, 0.0))}
     scene = Scene(robot=plain_ur5e(), tool=Tool(mass=1.0), **sensors)
     assert line_value(f"{field}.rpy", Setup.of(scene), scene) == ("[2, 2, 0]", "")
+
+
+ARM = plain_ur5e()
+CELL = Scene(robot=ARM, tool=Tool(name="tool", mass=1.5, com=(0.0, 0.02, 0.06)))
+SENSOR = Setup.of(CELL).sensors["base_wrench"]
+READ = np.eye(6)
+"""How the values of a force/torque sensor come: as they are."""
+
+
+def _turned(x: float, y: float, z: float) -> np.ndarray:
+    """Gravity in a direction [m/s^2]."""
+    return 9.81 * np.array([x, y, z]) / np.linalg.norm([x, y, z])
+
+
+@pytest.mark.parametrize(
+    ("line", "change", "text", "remark"),
+    [
+        (ROBOT, {"robot": "ur3e"}, "ur3e", ""),
+        (ANGLE_UNIT, {}, "rad", ""),
+        (ANGLE_UNIT, {"angle_unit": np.pi / 180.0}, "deg", "they are in degrees"),
+        (ANGLE_UNIT, {"angle_unit": 180.0 / np.pi}, "rad", "converted twice"),
+        (MOUNTING, {}, "table", ""),
+        (MOUNTING, {"gravity": _turned(0.02, 0.0, 1.0)}, "ceiling", ""),
+        (MOUNTING, {"gravity": _turned(1.0, 0.0, 0.0)}, "wall", ""),
+        # Gravity along -z of a base that is rolled by 0.1 rad and pitched by -0.2 rad.
+        (
+            MOUNTING,
+            {"gravity": _turned(np.sin(-0.2), -np.sin(0.1) * np.cos(0.2), -np.cos(0.1) * np.cos(0.2))},
+            "[0.1, -0.2, 0]",
+            "",
+        ),
+        (GRAVITY, {"gravity": np.array([0.0, 0.0, -1.625])}, "1.625", ""),
+        (TOOL_MASS, {"mass": 2.3456}, "2.35", ""),
+        (TOOL_COM, {"com": np.array([0.0, -0.0304, 0.1])}, "[0, -0.03, 0.1]", ""),
+        (TOOL, {"mass": 2.0, "com": np.zeros(3)}, "mass 2, com [0, 0, 0]", ""),
+        (TORQUE_SIGN, {}, "by_actuator", ""),
+        (TORQUE_SIGN, {"gain": np.full(6, -1.0)}, "on_arm", ""),
+        (TORQUE_SIGN, {"gain": np.zeros(6)}, "by_actuator", ""),
+        (ANGLE_ORDER, {"angle_order": (2, -1, 3, 4, 5, 6)}, "2 -1 3 4 5 6", ""),
+        (TORQUE_ORDER, {"torque_order": (1, 2, 3, 6, 5, 4)}, "1 2 3 6 5 4", ""),
+        (ZEROS, {}, "as read", ""),
+        (
+            ZEROS,
+            {"angle_zero": (0.0, np.radians(90.0), 0.0, 0.0, 0.0, np.radians(-5.04))},
+            f"{ARM.joints[1].name} +90 degrees, {ARM.joints[5].name} -5 degrees",
+            "",
+        ),
+        (DELAYED_TORQUES, {}, "none", ""),
+        (DELAYED_TORQUES, {"torque_delay": 0.0123}, "12 ms late", ""),
+        (DELAYED_TORQUES, {"torque_delay": -0.004}, "4 ms early", ""),
+        (FROZEN_TORQUES, {}, "none", ""),
+        (FROZEN_TORQUES, {"gain": np.array([1.0, 1.0, 0.0, 1.0, 1.0, 1.0])}, ARM.joints[2].name, ""),
+        ("joint torques: scale", {"gain": np.full(6, 1e3)}, "1e+03 per Nm", "they are in mNm"),
+        ("joint torques: scale", {"gain": np.full(6, -2.0)}, "2 per Nm", ""),
+        ("joint torques: scale", {"gain": np.array([1, 1, 2, 0, 1, 1])}, "[1, 1, 2, 1, 1, 1] per Nm", ""),
+    ],
+)
+def test_a_line_of_the_arm_or_its_signals(line: str, change: dict[str, Any], text: str, remark: str) -> None:
+    assert line_value(line, replace(Setup.of(CELL), **change), CELL) == (text, remark)
+
+
+TO_POUNDS = np.diag([1.0 / 4.448222] * 3 + [1.0 / 0.1129848] * 3)
+
+
+@pytest.mark.parametrize(
+    ("line", "change", "text", "remark"),
+    [
+        ("base_wrench.sign", {}, "arm_on_sensor", ""),
+        ("base_wrench.sign", {"sign": -1.0}, "sensor_on_arm", ""),
+        ("base_wrench.translation", {"translation": np.array([0.0, -0.1, 0.0504])}, "[0, -0.1, 0.05]", ""),
+        ("base_wrench.delay", {"delay": 0.01234}, "0.0123", ""),
+        ("base wrench: force and moment", {}, "force first", ""),
+        ("base wrench: force and moment", {"order": np.roll(READ, 3, axis=0)}, "moment first", ""),
+        ("base wrench: order of axes", {}, "x y z", ""),
+        ("base wrench: order of axes", {"order": np.roll(READ, 3, axis=0)}, "x y z", ""),
+        (
+            "base wrench: order of axes",
+            {"order": READ[[1, 0, 2, 4, 3, 5]] * np.array([[1.0, -1.0, 1.0] * 2]).T},
+            "y -x z",
+            "",
+        ),
+        (
+            "base wrench: order of axes",
+            {"order": READ[[1, 0, 2, 3, 4, 5]]},
+            "forces y x z, moments x y z",
+            "",
+        ),
+        ("base wrench: scale", {}, "1 per N, 1 per Nm", ""),
+        (
+            "base wrench: scale",
+            {"order": np.diag([1.0] * 3 + [1e3] * 3)},
+            "1 per N, 1e+03 per Nm",
+            "forces are in N, moments in Nmm",
+        ),
+        (
+            "base wrench: scale",
+            {"order": TO_POUNDS},
+            "0.225 per N, 8.85 per Nm",
+            "forces are in lbf, moments in lbf in",
+        ),
+        ("base wrench: scale", {"order": 3.3 * READ}, "3.3 per N, 3.3 per Nm", ""),
+        ("base wrench: frozen values", {}, "none", ""),
+        (
+            "base_wrench.rpy",
+            {"rotation": Rotation.from_euler("z", 91.0, degrees=True).as_matrix()},
+            "[0, 0, 1.5708]",
+            "turned by 90 degrees about z",
+        ),
+        (
+            "base_wrench.rpy",
+            {"rotation": Rotation.from_euler("x", -90.0, degrees=True).as_matrix()},
+            "[-1.5708, 0, 0]",
+            "turned by 90 degrees about -x",
+        ),
+        (
+            "base_wrench.rpy",
+            {"rotation": Rotation.from_euler("xyz", (0.1, -0.2, 0.3)).as_matrix()},
+            "[0.1, -0.2, 0.3]",
+            "",
+        ),
+    ],
+)
+def test_a_line_of_a_force_torque_sensor(line: str, change: dict[str, Any], text: str, remark: str) -> None:
+    setup = replace(Setup.of(CELL), sensors={"base_wrench": replace(SENSOR, **change)})
+    assert line_value(line, setup, CELL) == (text, remark)
