@@ -74,6 +74,13 @@ def test_the_doubt_ends_once_the_arm_has_been_free_for_a_second(unfit: int) -> N
     ]
 
 
+def test_nothing_is_doubtful_any_more_once_the_doubt_has_ended() -> None:
+    start = StreamStart(BANDWIDTH, False)
+    for t in np.arange(0.0, 3.0, STEP):
+        start.update(float(t), TOUCHED if t < 1.0 else 0)
+        assert start.doubtful == (t < 1.995)
+
+
 def test_samples_without_information_are_not_free_ones() -> None:
     assert doubted((1.0, TOUCHED), (3.0, SETTLING), (4.0, TOUCHED)) == [(0.0, 0.99), (3.0, 3.99)]
 
@@ -82,6 +89,17 @@ def test_samples_without_information_are_not_free_ones() -> None:
 def test_samples_that_are_not_used_change_nothing(unused: int) -> None:
     assert doubted((1.0, TOUCHED), (3.0, unused), (4.0, TOUCHED)) == [(0.0, 0.99), (3.0, 3.99)]
     assert doubted((0.1, unused | RESTARTED | TOUCHED), (8.0, 0), (9.0, TOUCHED)) == []
+    assert doubted((1.0, unused), (2.0, TOUCHED)) == [(1.0, 1.99)]  # the stream begins with the first that is
+
+
+def test_samples_without_flags_matter_until_all_is_decided_and_all_sensors_have_joined() -> None:
+    start = StreamStart(BANDWIDTH, False)
+    for i, t in enumerate(np.arange(0.0, 8.0, STEP)):
+        start.update(float(t), ALONE)
+        assert start.watches, i
+    for t in np.arange(8.0, 16.0, STEP):
+        start.update(float(t), 0)
+        assert start.watches == (t <= 14.001)
 
 
 def test_another_stream_has_a_start_of_its_own() -> None:
