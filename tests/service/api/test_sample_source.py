@@ -10,8 +10,10 @@ from contactsense.service.api.app import create_app
 from contactsense.service.api.sample_source import check_robot_address, open_source, reader_settings, unused
 from contactsense.service.api.scene_file import load_scene
 from contactsense.service.api.settings import Settings, SettingsError
+from contactsense.service.controllers.push_source import PushSource
 from contactsense.service.reactions.rules import ReactionRules
 from contactsense.service.reactions.state import Reactions
+from contactsense.service.sensors.network_wrench import WrenchSource
 from tests.service.seven_joints import seven_joints
 from tests.service.ur_rtde import ur_rtde_installed
 
@@ -27,11 +29,59 @@ def test_a_base_sensor_must_be_somewhere() -> None:
         open_source(settings, load_scene(settings))
 
 
-def test_the_rate_of_the_sensor_may_be_given() -> None:
-    settings = Settings(robot_host="192.0.2.1", ft_host="192.0.2.2", ft_rate=7000.0)
-    found = reader_settings(settings, load_scene(settings))
+SIX = ("a", "b", "c", "d", "e", "f")
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "field"),
+    [
+        ("robot_host", "192.0.2.9", "robot_host"),
+        ("robot_port", 30014, "robot_port"),
+        ("robot_rate", 125.0, "frequency"),
+        ("ft_host", "192.0.2.3", "wrench_host"),
+        ("ft_port", 49153, "wrench_port"),
+        ("ft_http_port", 8080, "wrench_http_port"),
+        ("ft_counts", (1e6, 2e6), "wrench_counts"),
+        ("ft_rate", 7000.0, "wrench_rate"),
+        ("ft_fields", SIX, "wrench_fields"),
+        ("wrist_fields", SIX, "wrist_fields"),
+        ("constant_readings", True, "constant_readings"),
+    ],
+)
+def test_what_is_set_reaches_the_reader(name: str, value: object, field: str) -> None:
+    usual: dict[str, object] = {"robot_host": "192.0.2.1"}
+    if name != "ft_fields":
+        usual["ft_host"] = "192.0.2.2"
+    plain = reader_settings(Settings.model_validate({**usual, "ft_host": "192.0.2.2"}), Scene(robot="ur5e"))
+    found = reader_settings(Settings.model_validate({**usual, name: value}), Scene(robot="ur5e"))
+    assert plain is not None
     assert found is not None
-    assert found.wrench_rate == 7000.0
+    assert getattr(found, field) == value != getattr(plain, field)
+
+
+def test_the_sources_of_further_sensors_reach_the_reader() -> None:
+    sources = {
+        "elbow": {"host": "192.0.2.4", "port": 1, "http_port": 2, "counts": [3, 4]},
+        "other": {"fields": "a"},
+    }
+    settings = Settings.model_validate(
+        {"robot_host": "192.0.2.1", "ft_host": "192.0.2.2", "link_wrenches": sources}
+    )
+    elbow = {"name": "elbow", "link": "forearm"}
+    scene = Scene.model_validate({"robot": "ur5e", "link_wrenches": [elbow]})
+    found = reader_settings(settings, scene)
+    assert found is not None
+    assert found.link_wrenches == {
+        "elbow": WrenchSource("192.0.2.4", 1, 2, (3.0, 4.0)),
+        "other": WrenchSource(fields=("a",)),
+    }
+
+
+def test_a_controllers_samples_come_through_its_socket() -> None:
+    settings = pushed()
+    maker = open_source(settings, load_scene(settings))
+    assert maker is not None
+    assert (maker.func, maker.keywords) == (PushSource, {"path": settings.controllers.socket_path})  # type: ignore[attr-defined]
 
 
 def test_rtde_has_six_joints(tmp_path: Path) -> None:
@@ -92,6 +142,11 @@ def test_the_address_of_the_robot_remains_of_use_to_reactions() -> None:
     reactions = Reactions(rules, settings.robot_host, lambda _: True, settings.robot_port)
     assert reactions.rules is not None
     assert reactions.rules.robot.rtde_port == 30014
+
+
+def test_the_address_of_a_robot_that_is_read_is_of_use_without_rules() -> None:
+    check_robot_address(Settings(robot_host="192.0.2.1", robot_port=30014), None)
+    check_robot_address(pushed(), None)
 
 
 @pytest.mark.parametrize(
