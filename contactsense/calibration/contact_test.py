@@ -94,8 +94,8 @@ def suspected_contacts(
     residual[:settled] = 0.0
     mean = uniform_filter1d(residual, max(3, round(WINDOW / dt)), axis=0)
     excess = np.abs(mean)
-    # A joint at rest holds any torque up to Coulomb friction. A fit to part of a motion may find it negative.
-    excess[:, :joints] -= np.where(recently_moved(recording), 0.0, np.maximum(arm.coulomb, 0.0))
+    # A joint at rest holds any torque up to Coulomb friction.
+    excess[:, :joints] -= np.where(recently_moved(recording), 0.0, arm.coulomb)
     known = recording.usable.copy()
     known[:settled] = False
     slow = np.zeros(mean.shape, dtype=bool)

@@ -51,10 +51,15 @@ def test_free_motion_has_no_alarms_and_every_touch_is_found() -> None:
     assert result["free_seconds"] > 600.0
 
 
+@pytest.mark.slow
+def test_free_motion_is_not_left_out_of_a_calibration() -> None:
+    """It is short and repeats itself, so that a fit to its quietest part does not determine the rest."""
+    assert left_out(shared("ur10e_recordings"), ("collision_free",))["collision_free"] == []
+
+
 @pytest.mark.long
-def test_touches_are_left_out_of_a_calibration_and_free_motion_is_not() -> None:
-    found = left_out(shared("ur10e_recordings"), ("collision_free", "collision_forearm"))
-    assert found["collision_free"] == []
+def test_touches_are_left_out_of_a_calibration() -> None:
+    found = left_out(shared("ur10e_recordings"), ("collision_forearm",))
     # A stream that was calibrated on free motion reports eleven; this fit has seen only the touched file.
     assert 9 <= len(found["collision_forearm"]) <= 11
 
