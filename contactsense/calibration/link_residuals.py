@@ -52,7 +52,13 @@ class _Poses(NamedTuple):
         return np.cross(origin, force, axis=1)
 
 
-def link_residuals(arm: CalibrationModel, recording: FreeMotion, field: str, bandwidth: float) -> np.ndarray:
+def link_residuals(
+    arm: CalibrationModel,
+    recording: FreeMotion,
+    field: str,
+    bandwidth: float,
+    seen_by: CalibrationModel | None = None,
+) -> np.ndarray:
     """Residual of one sensor, in its own frame, shape (N, 6) [N, Nm].
 
     Args:
@@ -60,6 +66,7 @@ def link_residuals(arm: CalibrationModel, recording: FreeMotion, field: str, ban
         recording: Contact-free motion with readings of this sensor.
         field: The sensor's key in `Scene.link_sensors`.
         bandwidth: Cut-off frequency of the observer [Hz].
+        seen_by: The arm by whose parameters the frame is meant; None: `arm`.
     """
     number, mount, sensor = _of(arm.scene, field)
     link = _Poses.of(arm.scene, recording.q, mount)
@@ -73,7 +80,7 @@ def link_residuals(arm: CalibrationModel, recording: FreeMotion, field: str, ban
         name=recording.name,
     )
     found = residuals(_carried(arm, mount), part, bandwidth)[:, recording.q.shape[1] :]
-    return moved.from_base(found)
+    return _mounted(link, seen_by or arm, field).from_base(found)
 
 
 def link_velocity_variance(
@@ -126,7 +133,7 @@ def link_rows(
         residual = link_residuals(arm, recording, field, bandwidth)
 
         def residual_of(x: CalibrationModel, part: FreeMotion, field: str = field) -> np.ndarray:
-            return link_residuals(x, part, field, bandwidth)
+            return link_residuals(x, part, field, bandwidth, seen_by=arm)
 
         columns = [
             (k, difference(residual_of, arm, recording, entry, residual)[keep])

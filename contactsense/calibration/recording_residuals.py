@@ -82,7 +82,9 @@ def _observe(
             copy(base_observer.residual, out[i, n:])
 
 
-def residuals(arm: CalibrationModel, recording: FreeMotion, bandwidth: float) -> np.ndarray:
+def residuals(
+    arm: CalibrationModel, recording: FreeMotion, bandwidth: float, about: CalibrationModel | None = None
+) -> np.ndarray:
     """Residuals of joints and base, as a `Localizer` of that scene computes them, but that of the base about
     its sensor.
 
@@ -93,6 +95,7 @@ def residuals(arm: CalibrationModel, recording: FreeMotion, bandwidth: float) ->
         arm: Parameters of arm and sensors.
         recording: Contact-free motion.
         bandwidth: Cut-off frequency of the observer [Hz].
+        about: The arm by whose parameters the place of the base sensor is meant; None: `arm`.
 
     Returns:
         Shape (N, n + 6): n joints [Nm], then the wrench on the base, base axes, about the place of its sensor
@@ -108,7 +111,7 @@ def residuals(arm: CalibrationModel, recording: FreeMotion, bandwidth: float) ->
         JointMotion(recording.t, recording.q, recording.qd),
         torque, wrench, bandwidth, empty_observer(n), empty_observer(6), out,
     )  # fmt: skip
-    out[:, n:] = out[:, n:] @ arm.to_base_sensor.T
+    out[:, n:] = out[:, n:] @ (about or arm).to_base_sensor.T
     return out
 
 

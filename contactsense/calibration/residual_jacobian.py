@@ -3,6 +3,13 @@
 Except for the links' inertial parameters, every column is a finite difference of the observer's residuals:
 nearly all parameters enter linearly, so one large step is exact, and the observer's equations are not
 duplicated. The sixty columns of the links come from the regressor in one pass.
+
+Residuals are in the frame of the force/torque sensor as it is estimated, and derivatives keep that frame. So
+those by its place are levers of the measured force. Derivatives of the residual itself would be levers of the
+force by the model, with the noise of the velocities, which is in the residual too: a fit would move the
+sensor to where that is smaller. The noise of the measured force is not in the moments of this residual, so
+neither noise biases the place: the measured force is an instrumental variable (T. Soederstroem, P. Stoica,
+"Instrumental variable methods for system identification", 1983).
 """
 
 from collections.abc import Callable
@@ -90,6 +97,10 @@ def linearize(
     """
     joints = recording.q.shape[1]
     residual = residuals(arm, recording, bandwidth)
+
+    def residual_of(x: CalibrationModel, part: FreeMotion) -> np.ndarray:
+        return residuals(x, part, bandwidth, about=arm)
+
     keep = slice(settled_samples(recording, bandwidth), None, stride)
     slopes: list[tuple[int, np.ndarray, int | None]] = []
     done: set[Group] = set()
@@ -104,7 +115,7 @@ def linearize(
             done.add(entry.group)
             slopes += _joint_columns(arm, recording, selected, entry.group, bandwidth, residual, keep)
         else:
-            slope = difference(lambda x, part: residuals(x, part, bandwidth), arm, recording, entry, residual)
+            slope = difference(residual_of, arm, recording, entry, residual)
             slopes.append((number, slope[keep], None))
     links = [(number, entry.index) for number, entry in enumerate(selected) if entry.group == "links"]
     if links:

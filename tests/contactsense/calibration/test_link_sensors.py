@@ -10,7 +10,9 @@ from contactsense.calibration.calibration_model import CalibrationModel
 from contactsense.calibration.equations import all_residuals, channels, linearize_all
 from contactsense.calibration.expected_uncertainty import expected_uncertainty
 from contactsense.calibration.fourier_trajectory import FourierTrajectory
+from contactsense.calibration.link_residuals import link_residuals
 from contactsense.calibration.parameters import OF_LINK_SENSORS, apply_step, entries
+from contactsense.calibration.recording_residuals import residuals, settled_samples
 from contactsense.robots.tool import Tool
 from contactsense.sensors.settings import Friction
 from tests.plain_arm import plain_ur5e
@@ -86,18 +88,27 @@ def test_the_truth_leaves_nothing() -> None:
 
 
 def test_derivatives_are_those_of_the_residuals() -> None:
-    """All but those of the delay, as the interpolation between samples has kinks there."""
+    """All but those of the delay, as the interpolation between samples has kinks there; and in the frame of
+    the sensor that does not move with the parameters."""
     recording = simulate(without_noise(TRUTH), motion(5.0), 1, 125.0)
     arm = CalibrationModel.of(SEARCHED)
     selected = entries(arm, ("payload", "link_bias", "link_turn", "link_shift", "links"), 0.1)
     step = 1e-4 * np.array([entry.prior_std for entry in selected])
     step *= np.random.default_rng(2).choice([-1.0, 1.0], len(step))
+    moved, bandwidth = apply_step(arm, selected, step), SEARCHED.bandwidth
     before, after = (
-        linearize_all(x, recording, selected, SEARCHED.bandwidth, 5)
-        for x in (arm, apply_step(arm, selected, step))
+        np.hstack(
+            [
+                residuals(x, recording, bandwidth, about=arm),
+                *(link_residuals(x, recording, field, bandwidth, seen_by=arm) for field in FIELDS),
+            ]
+        )[settled_samples(recording, bandwidth) :: 5]
+        for x in (arm, moved)
     )
-    for old, new in zip(before, after, strict=True):
-        change, predicted = new.residual - old.residual, old.slope @ step[old.columns]
+    for old in linearize_all(arm, recording, selected, bandwidth, 5):
+        change = (after - before)[:, old.channel]
+        predicted = old.slope @ step[old.columns]
+        np.testing.assert_array_equal(old.residual, before[:, old.channel])
         np.testing.assert_allclose(change, predicted, atol=1e-3 * np.abs(change).max() + 1e-9)
         assert np.abs(change).max() > 0.0 or old.channel < 6
 

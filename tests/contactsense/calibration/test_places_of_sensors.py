@@ -1,5 +1,7 @@
 """The places of sensors are found in recordings made by independent dynamics, whatever their noise."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -16,12 +18,20 @@ pytestmark = pytest.mark.slow
 CENTRE = np.array([0.0, -1.3, 1.5, -1.0, 0.8, 0.0])
 
 
-def errors(truth: Scene, searched: Scene, groups: tuple[Group, ...], shift: dict[str, float]) -> np.ndarray:
+def errors(
+    truth: Scene,
+    searched: Scene,
+    groups: tuple[Group, ...],
+    shift: dict[str, float],
+    velocity_noise: float = 0.0,
+) -> np.ndarray:
     """Errors of displacements in four recordings, in their stated standard deviations, shape (4, axes)."""
     found = []
     for seed in range(4):
         motion = FourierTrajectory.draw(np.random.default_rng(seed), CENTRE, np.full(6, 0.6), 6, 15.0)
-        values = calibrate(searched, [simulate(truth, motion, seed, 125.0)], Settings(groups)).values
+        exact = simulate(truth, motion, seed, 125.0)
+        noise = velocity_noise * np.random.default_rng(seed).standard_normal(exact.qd.shape)
+        values = calibrate(searched, [replace(exact, qd=exact.qd + noise)], Settings(groups)).values
         named = {value.entry.name: value for value in values}
         found.append([(named[name].after - true) / named[name].std for name, true in shift.items()])
     return np.array(found)
@@ -36,6 +46,18 @@ def test_the_noise_of_the_forces_does_not_draw_a_base_sensor_to_the_base_origin(
     scene = Scene(robot=plain_ur5e(), joint_torque=None, base_wrench=sensor)
     found = errors(scene, scene, ("wrench_bias", "shift"), {"shift z": 0.0})
     assert np.abs(found.mean()) < 2.0
+
+
+def test_the_noise_of_the_velocities_does_not_move_a_base_sensor() -> None:
+    """Levers of the force by the model would, by five of the stated standard deviations: it has that noise,
+    as the residual has."""
+    stated = WrenchSensor(translation=(0.0, 0.0, -0.035))
+    scene = Scene(robot=plain_ur5e(), joint_torque=None, base_wrench=stated)
+    moved = stated.model_copy(update={"translation": (0.03, 0.0, -0.035)})
+    truth = scene.model_copy(update={"base_wrench": moved})
+    shift = {"shift x": 0.03, "shift y": 0.0, "shift z": 0.0}
+    found = errors(truth, scene, ("wrench_bias", "shift"), shift, velocity_noise=0.001)
+    assert np.abs(found.mean(axis=0)).max() < 2.0
 
 
 def test_the_noise_of_the_forces_does_not_keep_a_wrist_sensor_near_the_stated_place() -> None:
