@@ -127,7 +127,7 @@ def check(
         residuals_of(now.residual, wrench_fields(scene)),
         unexplained,
         sum(part.seconds for part in parts),
-        None if unexplained else base_offset(scene, fitter, now.setup),
+        None if unexplained or wrong else base_offset(scene, fitter, now.setup),
     )
 
 

@@ -74,9 +74,9 @@ class SetupCheck:
     seconds: float
     """Length of the recordings [s]."""
     base_offset: tuple[float, ...] | None = None
-    """What the base sensor reads on average beyond the weight and the bias that the scene states, with all
-    proposed values, in its own frame and sign [N, Nm], where a stream would take that for a contact; else
-    None. No line is wrong for it: `contactsense.calibration.calibrate` estimates the bias."""
+    """What the base sensor reads on average beyond the weight and the bias that the scene states, in its own
+    frame and sign [N, Nm], where nothing contradicts the scene and a stream would take that for a contact;
+    else None. `contactsense.calibration.calibrate` estimates the bias."""
 
     @property
     def fits(self) -> bool:

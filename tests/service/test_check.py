@@ -126,6 +126,10 @@ def test_a_bias_that_a_stream_takes_for_a_contact_is_told(folder: Path) -> None:
     bias = tuple((np.array(scene.base_wrench.bias) + found.base_offset).tolist())
     stated = scene.model_copy(update={"base_wrench": scene.base_wrench.model_copy(update={"bias": bias})})
     assert run(stated, biased).base_offset is None
+    # With a wrong line it would be as wrong as what is proposed for that.
+    wrong = run(Scene.load(folder / "wrong.yaml"), biased)
+    assert wrong.wrong
+    assert wrong.base_offset is None
 
 
 @pytest.mark.slow
