@@ -193,7 +193,7 @@ def test_a_velocity_that_is_too_large_or_too_small(speed: float, factor: float, 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize(
     ("moved", "integral", "wrong"),
-    [(0.004, 0.0, False), (0.007, 0.0, True), (0.0, 0.007, False), (0.0, 0.014, True)],
+    [(0.004, 0.0, False), (0.007, 0.0, True), (0.0, 0.0105, False), (0.0, 0.014, True)],
 )
 def test_a_short_movement_without_a_velocity_and_a_velocity_without_movement(
     sign: float, moved: float, integral: float, wrong: bool
