@@ -3,7 +3,9 @@ neither, and what grows with the inertia torque is told from what does not."""
 
 import numpy as np
 import pytest
+from scipy.linalg import toeplitz
 
+from contactsense.calibration import noise_estimation
 from contactsense.calibration.noise_estimation import JointResiduals, NoiseLevels, estimate_noise
 from contactsense.residuals.momentum_observer import noise_variance_ratio
 from contactsense.residuals.residual_ewma import RELATIVE_BANDWIDTH
@@ -133,6 +135,17 @@ def _averages(residual: np.ndarray) -> np.ndarray:
     for row in residual[1:]:
         averages.append(averages[-1] + weight * (row - averages[-1]))
     return np.array(averages)
+
+
+def test_the_noise_of_an_average_is_that_of_its_weights() -> None:
+    """Each recording begins its own average."""
+    chance = np.random.default_rng(12)
+    parts = [level + chance.standard_normal((300, 2)) for level in (5.0, -3.0)]
+    averages, variance = noise_estimation._averages(parts, DT, BANDWIDTH)
+    np.testing.assert_allclose(averages, np.vstack([_averages(part) for part in parts]))
+    K, k = 2.0 * np.pi * BANDWIDTH, np.arange(1000)
+    weights = -np.expm1(-RELATIVE_BANDWIDTH * K * DT) * np.exp(-RELATIVE_BANDWIDTH * K * DT * k)
+    assert variance == pytest.approx(weights @ toeplitz(np.exp(-K * DT * k)) @ weights)
 
 
 def _filtered_noise(chance: np.random.Generator, cut_off: float) -> np.ndarray:
