@@ -164,8 +164,44 @@ def test_the_weight_is_checked_at_the_start_only_and_forgiven_when_it_is_right()
     for sample in samples:
         assert screening.screened(sample) is sample
     assert screening.screened(wrong) is wrong
+    assert not screening.refused
     screening.reset()
     assert screening.screened(wrong) is not wrong
+
+
+def _as_block(*samples: Sample) -> SampleBlock:
+    return SampleBlock(
+        *(np.array([getattr(s, n) for s in samples]) for n in ("t", "q", "qd", "joint_torque", "base_wrench"))
+    )
+
+
+@pytest.mark.parametrize(("speed", "told"), [(0.009, True), (0.011, False), (-0.011, False)])
+def test_the_weight_is_compared_at_rest_only(speed: float, told: bool) -> None:
+    scene = Scene(robot=ARM)
+    first = at_rest(scene, 1)[0]
+    turning = replace(first, base_wrench=np.zeros(6), qd=np.array([0.0, 0.0, speed, 0.0, 0.0, 0.0]))
+    one, block = (StreamScreening(scene, PlausibleLimits(scene)) for _ in range(2))
+    assert (one.screened(turning) is not turning) == told
+    found = block.screened_block(_as_block(turning, turning)).base_wrench
+    assert found is not None
+    assert np.isnan(found).any(axis=1).tolist() == [told] * 2
+    assert set(one.refused) == set(one.first) == set(block.first) == ({"base_wrench"} if told else set())
+
+
+@pytest.mark.parametrize("interrupted", [False, True])
+def test_ten_samples_in_a_row_with_the_right_weight_are_enough(interrupted: bool) -> None:
+    scene = Scene(robot=ARM)
+    right = at_rest(scene, 9)
+    wrong = replace(right[0], base_wrench=np.zeros(6))
+    for by_block in (False, True):
+        screening = StreamScreening(scene, PlausibleLimits(scene))
+        for sample in (*right, *[wrong] * interrupted, right[0]):
+            if by_block:
+                screening.screened_block(_as_block(sample))
+            else:
+                screening.screened(sample)
+        assert (screening.screened(wrong) is not wrong) == interrupted
+        assert screening.by_kernel != interrupted
 
 
 def test_payloads_that_come_and_go_are_not_accused() -> None:
