@@ -173,3 +173,19 @@ def test_another_controller_is_not_blamed_for_the_messages_of_the_last_one(
         second.sendall(sent(GOOD))
         assert len(source.poll(1.0)) == 1
         assert source.health.trouble == ""
+
+
+def test_the_connection_of_the_last_controller_is_closed_where_another_one_takes_its_place(
+    source: PushSource, tmp_path: Path
+) -> None:
+    """As where the service has lost it: otherwise it would be listened to for ever."""
+    with connected(tmp_path) as first:
+        source.poll(0.0)
+        with connected(tmp_path) as second:
+            source.poll(0.0)
+            first.settimeout(5.0)
+            assert first.recv(1) == b""
+            second.sendall(sent(GOOD))
+            (sample,) = source.poll(5.0)
+            assert sample.t == 1.0
+            assert source.health.robot.state == "streaming"
