@@ -9,9 +9,9 @@ from scipy.spatial.transform import Rotation
 from contactsense.kinematics.regressor import bodies_of
 from contactsense.robots.rotations import rpy_from_rotation
 from contactsense.scene import Scene, WrenchSensor
+from contactsense.sensors.settings import CURRENTS
 from contactsense.setup_check.hypotheses import (
     mounting_mistakes,
-    other_signal,
     reads_other_signal,
     signed_permutations,
     torque_constants,
@@ -100,9 +100,9 @@ def line_value(line: Line, setup: Setup, scene: Scene) -> tuple[str, str]:
         stated = scene.joint_torque.signal if scene.joint_torque is not None else ""
         if not reads_other_signal(setup, scene):
             return stated, ""
-        if (other_signal(scene) < 1.0).any():
-            return "actual_current", "the values are currents [A]"
-        return "actual_current_as_torque", "the values are torques [Nm]"
+        if stated in CURRENTS:
+            return "actual_current_as_torque", "the values are torques [Nm]"
+        return "actual_current", "the values are currents [A]"
     return setup.meaning, ""
 
 

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from contactsense import JointTorqueSensor, Scene, WrenchSensor
 from contactsense.robots.tool import Tool
+from contactsense.setup_check.hypotheses import other_signal
 from contactsense.setup_check.lines import (
     ANGLE_ORDER,
     ANGLE_UNIT,
@@ -46,6 +47,59 @@ def test_with_torque_constants_of_one_the_signal_is_the_stated_one(
     sensor = JointTorqueSensor(signal=signal, torque_constants=(1.0,) * 6)
     scene = Scene(robot=plain_ur5e(), joint_torque=sensor)
     assert line_value(TORQUE_SIGNAL, Setup.of(scene), scene) == (signal, "")
+
+
+@pytest.mark.parametrize("constant", [0.5, 12.0])
+@pytest.mark.parametrize(
+    ("signal", "text", "remark"),
+    [
+        ("actual_current", "actual_current_as_torque", "the values are torques [Nm]"),
+        ("actual_current_as_torque", "actual_current", "the values are currents [A]"),
+    ],
+)
+def test_the_signal_that_is_meant_is_the_other_one(
+    signal: Literal["actual_current", "actual_current_as_torque"], text: str, remark: str, constant: float
+) -> None:
+    """Whether a current in ampere is more or less than its torque in newton metres."""
+    arm = plain_ur5e()
+    joints = tuple(replace(joint, torque_constant=constant) for joint in arm.joints)
+    scene = Scene(robot=replace(arm, joints=joints), joint_torque=JointTorqueSensor(signal=signal))
+    meant = replace(Setup.of(scene), gain=other_signal(scene))
+    assert line_value(TORQUE_SIGNAL, meant, scene) == (text, remark)
+
+
+@pytest.mark.parametrize(
+    ("stated", "meant", "text", "remark"),
+    [
+        ((0.4, 0.0, 0.3), (-0.4, 0.0, 0.0), "[-0.4, 0, 0.3]", "opposite sign"),
+        ((0.4, 0.2, 0.3), (0.4, -0.2, 0.0), "[0.4, -0.2, 0.3]", "opposite sign"),
+        ((5.0, 0.0, 0.3), (np.radians(5.0), 0.0, 0.0), "[0.0873, 0, 0.0052]", "given in degrees"),
+        ((0.4, 0.0, 0.3), (1.0, 0.0, 0.0), "[1, 0, 0.3]", ""),
+        ((0.4, 0.0, 0.3), (0.4, 0.0, 2.0), "[0.4, 0, 0.3]", ""),  # of the yaw gravity says nothing
+    ],
+)
+def test_a_mounting_that_is_meant(
+    stated: tuple[float, float, float], meant: tuple[float, float, float], text: str, remark: str
+) -> None:
+    scene = Scene(robot=plain_ur5e(), mounting=stated)
+    gravity = 9.81 * Rotation.from_euler("xyz", meant).inv().apply([0.0, 0.0, -1.0])
+    found = line_value(MOUNTING, replace(Setup.of(scene), gravity=gravity), scene)
+    assert found == (text, remark)
+
+
+def test_a_load_on_a_link_is_told_with_the_inertia_of_the_link() -> None:
+    arm = plain_ur5e()
+    scene, own = Scene(robot=arm), arm.links[2].inertia
+    line = f"inertia.{arm.link_names[2]}"
+    plain, remark = line_value(line, Setup.of(scene), scene)
+    assert plain.startswith(f"{{mass: {own.mass:.3g}, com: [")
+    assert remark == ""
+    setup = Setup.of(scene)
+    loads, places = setup.loads.copy(), setup.places.copy()
+    loads[2], places[2] = 1.5, (0.1, 0.0, -0.05)
+    loaded, remark = line_value(line, replace(setup, loads=loads, places=places), scene)
+    assert loaded.startswith(f"{{mass: {own.mass + 1.5:.3g}, com: [")
+    assert remark.startswith("a load of about 1.5 kg at [0.1, 0, -0.05] m in the link's frame")
 
 
 @pytest.mark.parametrize(
