@@ -12,7 +12,7 @@ from contactsense.service.recordings.metadata import metadata
 from contactsense.service.recordings.recorder import Recorder
 from contactsense.service.recordings.segment_writer import SegmentWriter
 from contactsense.service.sensors.robot_stream import RobotRecord
-from tests.service.recordings.tables import TORQUES, columns, table
+from tests.service.recordings.tables import TORQUES, as_parquet, columns, table
 
 N = 20
 CONSTANTS = np.array([10.0, 10.7, 8.46, 9.0, 9.48, 10.12])
@@ -90,3 +90,13 @@ def test_columns_of_any_other_file_are_torques_whatever_the_scene_says(tmp_path:
     found = read(path, scene_of(sign="on_arm"))
     np.testing.assert_array_equal(found.joint_torque, table(own, "joint_torque"))
     assert not found.problems
+
+
+def test_columns_that_the_scene_names_come_before_those_of_the_usual_name(tmp_path: Path) -> None:
+    names = tuple(f"tau_{letter}" for letter in "abcdef")
+    own = columns(N, **{name: CURRENT[:, i] for i, name in enumerate(names)})
+    path = as_parquet(tmp_path, own)
+    sensor = JointTorqueSensor(fields=names, sign="on_arm")
+    scene = Scene(robot="ur10e", base_wrench=None, joint_torque=sensor)
+    np.testing.assert_array_equal(read(path, scene).joint_torque, -CURRENT)
+    np.testing.assert_array_equal(read(path, TORQUES).joint_torque, table(own, "joint_torque"))
