@@ -146,8 +146,8 @@ class Hypotheses:
         ]
         if reads_other_signal(setup, self._scene):
             return found
-        text = "torques [Nm]" if (other > 1.0).any() else "currents [A]"
-        start = (f"the values are {text}", replace(setup, gain=np.sign(setup.gain) * other))
+        _, values = meant_signal(self._scene)
+        start = (values, replace(setup, gain=np.sign(setup.gain) * other))
         scales = torque_scales(self._scene, setup, self._moving)
         signal = Hypothesis(TORQUE_SIGNAL, (start,))
         turned = reversed_torques(torque_scale(self._scene), setup, other, self._moving)
@@ -222,9 +222,19 @@ def torque_constants(scene: Scene) -> np.ndarray:
 def other_signal(scene: Scene) -> np.ndarray:
     """Joint torques as read per torque, if the values are torques where the scene states currents, or the
     reverse, shape (n,)."""
-    currents = scene.joint_torque is not None and scene.joint_torque.signal in CURRENTS
     constants = torque_constants(scene)
-    return constants if currents else 1.0 / constants
+    return constants if _states_currents(scene) else 1.0 / constants
+
+
+def meant_signal(scene: Scene) -> tuple[str, str]:
+    """The signal of the joint torques other than the one that the scene states, and what its values are."""
+    if _states_currents(scene):
+        return "actual_current_as_torque", "the values are torques [Nm]"
+    return "actual_current", "the values are currents [A]"
+
+
+def _states_currents(scene: Scene) -> bool:
+    return scene.joint_torque is not None and scene.joint_torque.signal in CURRENTS
 
 
 def reads_other_signal(setup: Setup, scene: Scene) -> bool:

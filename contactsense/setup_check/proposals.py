@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 from contactsense.kinematics.regressor import bodies_of
 from contactsense.robots.rotations import rpy_from_rotation
 from contactsense.scene import Scene, WrenchSensor
-from contactsense.sensors.settings import CURRENTS
 from contactsense.setup_check.hypotheses import (
+    meant_signal,
     mounting_mistakes,
     reads_other_signal,
     signed_permutations,
@@ -98,11 +98,7 @@ def line_value(line: Line, setup: Setup, scene: Scene) -> tuple[str, str]:
         return _torque_scale(setup, scene)
     if line == TORQUE_SIGNAL:
         stated = scene.joint_torque.signal if scene.joint_torque is not None else ""
-        if not reads_other_signal(setup, scene):
-            return stated, ""
-        if stated in CURRENTS:
-            return "actual_current_as_torque", "the values are torques [Nm]"
-        return "actual_current", "the values are currents [A]"
+        return meant_signal(scene) if reads_other_signal(setup, scene) else (stated, "")
     return setup.meaning, ""
 
 

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from contactsense import JointTorqueSensor, Scene, WrenchSensor
 from contactsense.robots.tool import Tool
-from contactsense.setup_check.hypotheses import other_signal
+from contactsense.setup_check.hypotheses import Hypotheses, other_signal
 from contactsense.setup_check.lines import (
     ANGLE_ORDER,
     ANGLE_UNIT,
@@ -66,6 +66,10 @@ def test_the_signal_that_is_meant_is_the_other_one(
     scene = Scene(robot=replace(arm, joints=joints), joint_torque=JointTorqueSensor(signal=signal))
     meant = replace(Setup.of(scene), gain=other_signal(scene))
     assert line_value(TORQUE_SIGNAL, meant, scene) == (text, remark)
+    found = Hypotheses(scene, {}, 1.0, True, (), np.ones(6, dtype=bool)).of(Setup.of(scene))
+    (start,) = next(hypothesis for hypothesis in found if hypothesis.line == TORQUE_SIGNAL).starts
+    assert start[0] == remark
+    np.testing.assert_array_equal(start[1].gain, other_signal(scene))
 
 
 @pytest.mark.parametrize(
