@@ -189,3 +189,4 @@ def test_the_connection_of_the_last_controller_is_closed_where_another_one_takes
             (sample,) = source.poll(5.0)
             assert sample.t == 1.0
             assert source.health.robot.state == "streaming"
+            assert source.health.without_wrench == 0  # the scene has no base sensor

@@ -119,6 +119,17 @@ def test_recent_counts_expire():
     assert recent.totals(13.1)["lost"] == 0
 
 
+@pytest.mark.parametrize(
+    ("packets", "lost", "told"), [(450, 8, False), (450, 10, True), (10, 4, False), (10, 6, True)]
+)
+def test_packets_that_are_lost_are_told_from_two_percent_on(packets: int, lost: int, told: bool) -> None:
+    """Of those that are expected within a second, at least of half of them: a few at a start are no share."""
+    recent = RecentCounts()
+    recent.add(5.0, "packets", packets)
+    recent.add(5.0, "lost", lost)
+    assert bool(RecentTrouble().describe(5.0, recent.totals(5.0), 0.002)) == told
+
+
 def test_what_was_wrong_is_told_in_words():
     recent = RecentCounts()
     recent.add(5.0, "packets", 450)
