@@ -101,25 +101,29 @@ def test_a_missing_field_is_named(name: str) -> None:
         DECODER.sample({key: value for key, value in GOOD.items() if key != name})
 
 
+NO_JSON, NO_PACK = (f"expected one object in {name}: ." for name in ("JSON", "MessagePack"))
+
+
 @pytest.mark.parametrize(
-    ("message", "binary"),
+    ("message", "binary", "told"),
     [
-        (b"", False),
-        (b"", True),
-        (b"[1]", False),
-        (b"\x93\x01\x02\x03", True),
-        (b"\xff\xfe", False),
-        (b"[" * 100_000, False),
-        (b"\x91" * 100_000, True),
-        (b"9" * 5000, False),
-        (b"{" + b" " * MAX_SCENE + b"}", False),
-        (b"\xdf\xff\xff\xff\xff", True),
-        (b"\x81\xa1t\xd6\xff\x00\x00\x00\x00\x00", True),
+        (b"", False, NO_JSON),
+        (b"", True, NO_PACK),
+        (b"[1]", False, "expected an object, got a list"),
+        (b"\x93\x01\x02\x03", True, "expected an object, got a list"),
+        (b"\xff\xfe", False, NO_JSON),
+        (b"[" * 100_000, False, NO_JSON),
+        (b"\x91" * 100_000, True, NO_PACK),
+        (b"9" * 5000, False, NO_JSON),
+        (b"{" + b" " * MAX_SCENE + b"}", False, f"expected at most {MAX_SCENE} bytes, got {MAX_SCENE + 2}"),
+        (b"\xdf\xff\xff\xff\xff", True, NO_PACK),
+        (b"\x81\xa1t\xd6\xff\x00\x00\x00\x00\x00", True, NO_PACK),
     ],
 )
-def test_what_is_no_message_is_refused(message: bytes, binary: bool) -> None:
-    with pytest.raises(MessageError):
-        DECODER.sample(decode(message, binary))
+def test_what_is_no_message_is_refused(message: bytes, binary: bool, told: str) -> None:
+    """Before its fields are looked at."""
+    with pytest.raises(MessageError, match=f"^{told}"):
+        decode(message, binary)
 
 
 def test_a_long_sample_is_refused() -> None:
