@@ -1,5 +1,6 @@
 """Convert a `Sample` to the arguments of the kernels."""
 
+import contextlib
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -45,9 +46,9 @@ class SampleFields:
 
         Raises:
             ValueError: the value of a link sensor has the wrong shape.
-            TypeError, AttributeError: a field is no vector of floats.
+            TypeError, AttributeError: the time is no float, or a field no vector of floats.
         """
-        q, qd, torque, base = sample.q, sample.qd, sample.joint_torque, sample.base_wrench
+        t, q, qd, torque, base = sample.t, sample.q, sample.qd, sample.joint_torque, sample.base_wrench
         sensor_bits = 3
         if base is None or not self._base:
             sensor_bits, base = sensor_bits - 1, self._no_wrench
@@ -64,6 +65,8 @@ class SampleFields:
                         value = as_floats(self._link_sensors[s], value)
                     self._link_wrench[s] = value
                     sensor_bits += 4 << s
+        if not isinstance(t, float):  # estimates keep it as it is
+            raise TypeError("expected a float")
         # Kernels that are called directly take this for granted.
         if not (
             type(q) is type(qd) is type(torque) is type(base) is np.ndarray
@@ -71,7 +74,7 @@ class SampleFields:
             and q.ndim == qd.ndim == torque.ndim == base.ndim == 1
         ) and not _are_vectors(q, qd, torque, base):
             raise TypeError("expected vectors of floats")
-        return sample.t, sensor_bits, (q, qd, torque, base, self._link_wrench)
+        return t, sensor_bits, (q, qd, torque, base, self._link_wrench)
 
     def compile_sample(self) -> Sample:
         """A sample to compile the kernels with: any float arrays are accepted afterwards."""
@@ -170,10 +173,11 @@ def _placeholder(size: int) -> np.ndarray:
 
 
 def _number(name: str, value: object) -> float:
-    try:
-        return float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
-        raise ValueError(f"{name}: expected a number, got {value!r:.60}") from None
+    """A number of any type; words, flags and dates are none."""
+    with contextlib.suppress(TypeError, ValueError):
+        if np.asarray(value).dtype.kind not in "SUbMm":
+            return float(value)  # type: ignore[arg-type]
+    raise ValueError(f"{name}: expected a number, got {value!r:.60}")
 
 
 def _shaped(name: str, value: object, size: int) -> np.ndarray:

@@ -43,6 +43,16 @@ def test_wrong_shapes_are_named(precise: Localizer) -> None:
         precise.step(Sample(0.0, Q, np.zeros(6), np.zeros(5)))
 
 
+@pytest.mark.parametrize("time", [1, np.float32(1.0), np.array(1.0), np.int64(1)], ids=repr)
+def test_a_time_of_any_numeric_type_becomes_a_float(ordinary: Localizer, time: Any) -> None:
+    """So that estimates can be written as JSON."""
+    torque, wrench = weight(ordinary.scene, Q)
+    ordinary.reset()
+    estimate = ordinary.step(Sample(time, Q, np.zeros(6), torque, wrench))
+    assert type(estimate.t) is float
+    assert estimate.t == 1.0
+
+
 @pytest.mark.parametrize(
     ("given", "kind", "message"),
     [
@@ -50,8 +60,11 @@ def test_wrong_shapes_are_named(precise: Localizer) -> None:
         (None, TypeError, "^sample: expected a Sample, got NoneType$"),
         (Sample("x", Q, np.zeros(6)), ValueError, "^t: expected a number, got 'x'$"),  # type: ignore[arg-type]
         (Sample(None, Q, np.zeros(6)), ValueError, "^t: expected a number, got None$"),  # type: ignore[arg-type]
+        (Sample("1.0", Q, np.zeros(6)), ValueError, "^t: expected a number, got '1.0'$"),  # type: ignore[arg-type]
+        (Sample(True, Q, np.zeros(6)), ValueError, "^t: expected a number, got True$"),
+        (Sample(np.datetime64("2026-01-01"), Q, np.zeros(6)), ValueError, "^t: expected a number, got "),  # type: ignore[arg-type]
     ],
-    ids=["dict", "None", "time in words", "no time"],
+    ids=["dict", "None", "time in words", "no time", "digits", "flag", "date"],
 )
 def test_what_is_no_sample_is_refused(
     ordinary: Localizer, given: Any, kind: type[Exception], message: str
