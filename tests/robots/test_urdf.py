@@ -222,6 +222,38 @@ def test_limits_that_stand_for_none_are_accepted(tmp_path: Path) -> None:
         robots.from_urdf(write(tmp_path, '<robot name="empty"/>'))
 
 
+LIMIT = '<limit lower="-2" upper="2.5" velocity="3" effort="40"/>'
+
+
+@pytest.mark.parametrize(
+    ("kind", "limit", "found"),
+    [
+        ("revolute", LIMIT, ((-2.0, 2.5), 3.0, 40.0)),
+        ("revolute", '<limit lower="0" upper="0" velocity="0" effort="0"/>', ((0.0, 0.0), np.inf, np.inf)),
+        ("revolute", '<limit lower="-1" upper="1"/>', ((-1.0, 1.0), np.inf, np.inf)),
+        ("continuous", "", ((-np.inf, np.inf), np.inf, np.inf)),
+        ("continuous", LIMIT, ((-np.inf, np.inf), 3.0, 40.0)),
+        ("revolute", "", None),
+        ("revolute", '<limit lower="-1" velocity="3" effort="40"/>', None),
+        ("revolute", '<limit upper="1" velocity="3" effort="40"/>', None),
+    ],
+)
+def test_limits_of_a_joint(
+    tmp_path: Path, kind: str, limit: str, found: tuple[tuple[float, float], float, float] | None
+) -> None:
+    """Without an axis, it turns about x."""
+    joint = f'name="joint1" type="{kind}"'
+    text = arm(**{'name="joint1" type="revolute"': joint}).replace(LIMIT, limit, 1)
+    path = write(tmp_path, text.replace('<axis xyz="0 0 1"/>', "", 1))
+    if found is None:
+        with pytest.raises(robots.RobotError, match=r"joint joint1: a revolute joint needs lower and upper"):
+            robots.from_urdf(path)
+        return
+    first = robots.from_urdf(path).joints[0]
+    assert (first.position_limits, first.velocity_limit, first.torque_limit) == found
+    np.testing.assert_array_equal(first.axis, [1.0, 0.0, 0.0])
+
+
 def test_a_namespace_is_refused(tmp_path: Path) -> None:
     """Its elements would not be found."""
     text = arm().replace("<robot ", '<robot xmlns="http://www.ros.org" ')
