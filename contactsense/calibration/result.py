@@ -213,6 +213,11 @@ def _wrench(arm: CalibrationModel, field: str, noise: tuple[float, float]) -> Wr
 
 
 def _mounting(arm: CalibrationModel) -> tuple[float, ...]:
-    """Roll, pitch, yaw of the base in the world that give the estimated direction of gravity."""
-    orientation = arm.scene.orientation * Rotation.from_rotvec(arm.tilt).inv()
+    """Roll, pitch, yaw of the base in the world that give the estimated direction of gravity and are nearest
+    to the scene's: a turn about gravity is not observable, and none is added."""
+    stated, estimated = arm.scene.gravity_base, arm.gravity
+    axis = np.cross(stated, estimated)
+    sine = float(np.linalg.norm(axis))
+    tilt = Rotation.from_rotvec(axis * (np.arctan2(sine, stated @ estimated) / sine if sine > 0.0 else 0.0))
+    orientation = arm.scene.orientation * tilt.inv()
     return tuple(_round(np.array(rpy_from_rotation(orientation.as_matrix()))))

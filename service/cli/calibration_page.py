@@ -139,7 +139,10 @@ def _tool(scene: Scene) -> str:
 def _field(group: str, sensor: str | None, after: Scene, before: Scene) -> str:
     """The scene's field after and before, where the parameters are corrections to it; empty elsewhere."""
     if group == "tilt":
-        return f"mounting {_triple(after.mounting)} (was {_triple(before.mounting)})"
+        # The angles hide a small tilt where the pitch is about 90 degrees, as on a wall.
+        tilt = np.degrees((before.orientation.inv() * after.orientation).magnitude())
+        mounting = f"{_triple(after.mounting)} (was {_triple(before.mounting)})"
+        return f"mounting {mounting}, tilted by {tilt:.2g} degrees"
     if group not in _PLACES:
         return ""
     new, old = (

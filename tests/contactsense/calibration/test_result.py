@@ -38,6 +38,17 @@ def test_an_arm_without_a_tool_gets_one_only_if_it_carries_something(mass: float
     assert (_with_payload(Scene(robot="ur5e"), mass).tool is None) == (mass < 0.1)
 
 
+@pytest.mark.parametrize("mounting", ["wall", (0.1, 0.9, -2.0)])
+def test_a_tilt_does_not_turn_the_base_about_gravity(mounting: str | tuple[float, float, float]) -> None:
+    """No sensor of the arm observes such a turn."""
+    arm = CalibrationModel.of(Scene(robot="ur5e", mounting=mounting))
+    arm = arm.with_values(tilt=np.array([0.0, 0.03, -0.02]))
+    found = scene_of(arm, {"tilt"}, None, {})
+    np.testing.assert_allclose(found.gravity_base, arm.gravity, atol=1e-4)
+    turn = (arm.scene.orientation.inv() * found.orientation).as_rotvec()
+    assert abs(turn @ arm.scene.gravity_base) < 1e-3 * np.linalg.norm(turn) * arm.scene.gravity
+
+
 def _with_payload(scene: Scene, mass: float) -> Scene:
     arm = CalibrationModel.of(scene).with_values(payload=np.array([mass, 0.002, 0.0, 0.0]))
     return scene_of(arm, {"payload"}, None, {})
