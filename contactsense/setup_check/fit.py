@@ -17,7 +17,6 @@ Journal of the American Statistical Association 1995).
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import lu_factor, lu_solve
@@ -26,6 +25,8 @@ from contactsense.calibration.parameters import inertial_scales
 from contactsense.robots.torque_scale import torque_scales
 from contactsense.scene import JointTorqueSensor, Scene
 from contactsense.sensors.settings import per_joint
+from contactsense.setup_check.equations import Equations, bordered, products
+from contactsense.setup_check.levers import levers
 from contactsense.setup_check.lines import wrench_fields
 from contactsense.setup_check.motion_basis import MotionBases, MotionBasis, Readings
 from contactsense.setup_check.setup import BASE, Free, Kind, Order, Setup, in_order
@@ -44,6 +45,8 @@ _SMALLEST_SIGMA = 0.1
 """The noise is at least this fraction of what the scene states."""
 _WEIGHTINGS = 4
 _STEPS = 6
+_PLACED = 1e-4
+"""A sensor is in its place if the next step is shorter [m]."""
 _STEP_LIMIT: dict[Kind, float] = {
     "zero": 0.3, "tilt": 0.5, "mass": 10.0, "com": 0.3, "load": 3.0, "place": 0.3,
     "turn": 0.5, "shift": 0.3, "delay": 0.03, "lag": 0.03,
@@ -100,7 +103,7 @@ class Fitter:
         measured = np.repeat(there, [n] + [6] * len(self._fields))
         self._channels = np.flatnonzero(measured)
         self._known: dict[str, tuple[object, np.ndarray]] = {}
-        self._stated: tuple[Setup, _Equations] | None = None
+        self._stated: tuple[Setup, Equations] | None = None
         self.effective = np.ones(len(measured))
         """Independent rows per row, of each channel."""
         self.noise = stated * float(np.sqrt(readings.variance_ratio))
@@ -115,6 +118,9 @@ class Fitter:
         setup, best = start, self._solve(start, np.zeros((0, 0, 0)), prior)
         if not free:
             return self._result(setup, free, prior, best)
+        if all(group.kind == "shift" for group in free):
+            setup = self._placed(start, free, prior, limit, steps)
+            steps, best = 0, self._solve(setup, np.zeros((0, 0, 0)), prior)
         for _ in range(steps):
             slopes = self._slopes(setup, free, prior)
             solved = self._solve(setup, slopes, prior)
@@ -132,6 +138,21 @@ class Fitter:
                 break
         last = self._solve(setup, self._slopes(setup, free, prior), prior)
         return self._result(setup, free, prior, last, best)
+
+    def _placed(
+        self, start: Setup, free: tuple[Free, ...], prior: np.ndarray, limit: np.ndarray, steps: int
+    ) -> Setup:
+        """The setup with sensors where their moments do not follow `levers` any more, which is not where the
+        cost is smallest; `start` if the steps do not become shorter."""
+        setup, lengths = start, []
+        for _ in range(steps):
+            solved = self._solve(setup, self._slopes(setup, free, prior), prior)
+            step = np.clip(solved.values[: len(prior)], -limit, limit)
+            setup = setup.moved(free, step)
+            lengths.append(float(np.abs(step).max()))
+            if lengths[-1] < _PLACED:
+                return setup
+        return setup if lengths and lengths[-1] < lengths[0] else start
 
     def cost(self, fit: Fit) -> float:
         """See the module."""
@@ -173,8 +194,17 @@ class Fitter:
     def _slopes(self, setup: Setup, free: tuple[Free, ...], prior: np.ndarray) -> np.ndarray:
         """Derivatives of the prediction by the free parameters, shape (M, C, k)."""
         here, steps = self._equations(setup).error, 1e-3 * np.diag(prior)
-        slopes = [(here - self._error(setup.moved(free, step))) / step.sum() for step in steps]
-        return np.stack(slopes, axis=-1)
+        slopes, first = np.zeros((*here.shape, len(prior))), 0
+        for group in free:
+            own = range(first, first := first + group.size)
+            if group.kind == "shift":
+                channels = self._of(group.field)
+                reading, sensor = self._readings.wrenches[group.field], setup.sensors[group.field]
+                slopes[:, channels, own] = levers(sensor, reading, here[:, channels])
+                continue
+            for i in own:
+                slopes[..., i] = (here - self._error(setup.moved(free, steps[i]))) / steps[i].sum()
+        return slopes
 
     def _error(self, setup: Setup) -> np.ndarray:
         """Readings minus prediction without nuisances, shape (M, C)."""
@@ -265,12 +295,12 @@ class Fitter:
             first += 6
         return found, biases
 
-    def _equations(self, setup: Setup) -> "_Equations":
+    def _equations(self, setup: Setup) -> Equations:
         """Those of the latest setup are kept: a fit needs them with and without its slopes."""
         if self._stated is None or self._stated[0] is not setup:
             error, (columns, biases) = self._error(setup), self._nuisances(setup)
             y, A = error[:, self._channels].T, columns[self._channels]
-            equations = _Equations(error, y, A, A.transpose(0, 2, 1) @ A, _products(A, y), biases)
+            equations = Equations(error, y, A, A.transpose(0, 2, 1) @ A, products(A, y), biases)
             self._stated = setup, equations
         return self._stated[1]
 
@@ -280,7 +310,7 @@ class Fitter:
         k = slopes.shape[-1] if slopes.size else 0
         if k:
             S = np.ascontiguousarray((slopes * prior)[:, self._channels].transpose(1, 0, 2))
-            A, G, b = _bordered(S, y, A, G, b)
+            A, G, b = bordered(S, y, A, G, b)
         floor, rows = self._floor[self._channels], y.shape[1]
         weight = self.effective[self._channels]
         biases = np.array([k + first + i for first in firsts.values() for i in range(6)], dtype=np.int64)
@@ -325,23 +355,6 @@ class Fitter:
         return Fit(setup, free, at.variance, at.penalty, std, at.residual, bias)
 
 
-class _Equations(NamedTuple):
-    """Readings under a setup as linear functions of P nuisances. C' channels are measured."""
-
-    error: np.ndarray
-    """Readings minus prediction without nuisances, shape (M, C)."""
-    y: np.ndarray
-    """The same of the measured channels, shape (C', M)."""
-    A: np.ndarray
-    """Derivatives of their prediction by the nuisances, shape (C', M, P)."""
-    G: np.ndarray
-    """A^T A of each channel, shape (C', P, P)."""
-    b: np.ndarray
-    """A^T y of each channel, shape (C', P)."""
-    biases: Mapping[str, int]
-    """First of the six nuisances of each force/torque sensor's bias."""
-
-
 @dataclass(frozen=True)
 class _Solved:
     cost: float
@@ -365,22 +378,6 @@ class _Solved:
 def _motion(setup: Setup) -> tuple[str, float, Order, tuple[float, ...]]:
     """What of a setup decides how the motion is understood."""
     return setup.robot, setup.angle_unit, setup.angle_order, setup.angle_zero
-
-
-def _bordered(
-    S: np.ndarray, y: np.ndarray, A: np.ndarray, G: np.ndarray, b: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A, G and b of `_Equations` with k further columns S before the others, shape (C, M, k)."""
-    k, mixed = S.shape[2], S.transpose(0, 2, 1) @ A
-    whole = np.empty((len(G), k + G.shape[1], k + G.shape[1]))
-    whole[:, :k, :k], whole[:, k:, k:] = S.transpose(0, 2, 1) @ S, G
-    whole[:, :k, k:], whole[:, k:, :k] = mixed, mixed.transpose(0, 2, 1)
-    return np.concatenate((S, A), axis=2), whole, np.concatenate((_products(S, y), b), axis=1)
-
-
-def _products(A: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """A^T y of each channel: shapes (C, M, P) and (C, M), to (C, P)."""
-    return np.asarray((y[:, None, :] @ A)[:, 0])
 
 
 def _bias_scale(field: str) -> np.ndarray:
