@@ -16,6 +16,7 @@ from contactsense.scene import Scene
 from contactsense.setup_check.candidate import Candidate
 from contactsense.setup_check.change import groups
 from contactsense.setup_check.changes import matters, tolerance
+from contactsense.setup_check.drive_friction import unstated_friction
 from contactsense.setup_check.explanation import EXCLUDED, Explanation
 from contactsense.setup_check.fit import Fit, Fitter
 from contactsense.setup_check.hypotheses import Hypotheses
@@ -128,6 +129,7 @@ def check(
         unexplained,
         sum(part.seconds for part in parts),
         None if unexplained or wrong else base_offset(scene, fitter, now.setup),
+        None if unexplained or wrong else unstated_friction(scene, fitter, now.setup),
     )
 
 

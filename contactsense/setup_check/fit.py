@@ -181,6 +181,19 @@ class Fitter:
         (6,) [N, Nm]."""
         return np.asarray(self._equations(setup).error[:, self._of(field)].mean(axis=0))
 
+    def friction(self, setup: Setup) -> tuple[np.ndarray, np.ndarray] | None:
+        """Coulomb friction of each joint, shape (n,) [Nm], and the standard deviations; None without joint
+        torques that contain it."""
+        if self._readings.torque is None or setup.meaning == "external":
+            return None
+        solved = self._solve(setup, np.zeros((0, 0, 0)), np.zeros(0))
+        sums = np.zeros((len(solved.values), self._joints))
+        for j, size in enumerate(self._drive_prior):
+            first = 10 * (len(setup.links) - 1) + 5 * j
+            sums[first + 1 : first + 3, j] = size  # now and late
+        variance = np.sum(sums * lu_solve(solved.factor, sums, check_finite=False), axis=0)
+        return solved.values @ sums, np.sqrt(variance)
+
     def set_effective_rows(self, residual: np.ndarray) -> None:
         """Reduce the number of rows by the correlation of neighbouring residuals.
 

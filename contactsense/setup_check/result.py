@@ -77,6 +77,9 @@ class SetupCheck:
     """What the base sensor reads on average beyond the weight and the bias that the scene states, in its own
     frame and sign [N, Nm], where nothing contradicts the scene and a stream would take that for a contact;
     else None. `contactsense.calibration.calibrate` estimates the bias."""
+    friction: tuple[float, ...] | None = None
+    """Coulomb friction of each joint in the joint torques [Nm], where the scene states none, nothing
+    contradicts it, and a stream would take that for a contact; else None. `calibrate` estimates it."""
 
     @property
     def fits(self) -> bool:

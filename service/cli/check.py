@@ -174,6 +174,15 @@ def print_check(found: SetupCheck, console: Console) -> None:
             highlight=False,
             markup=False,
         )
+    if found.friction is not None:
+        text = ", ".join(f"{value:.2g}" for value in found.friction)
+        console.print(
+            f"The joint torques contain Coulomb friction of about ({text}) Nm, and the scene states no "
+            "friction: live, joints that move seem touched. Run `contactsense calibrate`, which estimates "
+            "joint_torque.friction.",
+            highlight=False,
+            markup=False,
+        )
 
 
 def _explained(item: Finding) -> str:

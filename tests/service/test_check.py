@@ -17,6 +17,7 @@ from contactsense.calibration import FreeMotion
 from contactsense.scene import Scene
 from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
 from contactsense.sensors.link_values import as_fields, column_of
+from contactsense.sensors.settings import Friction, per_joint
 from contactsense.service.cli.check import check, print_check
 from contactsense.service.mock.script import Script
 from contactsense.service.mock.servers import MockServers, MockSettings
@@ -130,6 +131,25 @@ def test_a_bias_that_a_stream_takes_for_a_contact_is_told(folder: Path) -> None:
     wrong = run(Scene.load(folder / "wrong.yaml"), biased)
     assert wrong.wrong
     assert wrong.base_offset is None
+
+
+@pytest.mark.slow
+def test_friction_of_which_the_scene_states_none_is_told(folder: Path) -> None:
+    """It contradicts no line, and a stream takes it for contacts of all joints that move."""
+    scene = Scene.load(folder / "right.yaml")
+    assert scene.joint_torque is not None
+    parts, _ = read_free_motion(folder / "free.csv", scene)
+    known = run(scene, parts)
+    assert known.fits
+    assert known.friction is None
+    none = scene.joint_torque.model_copy(update={"friction": Friction()})
+    found = run(scene.model_copy(update={"joint_torque": none}), parts)
+    assert found.fits
+    true = per_joint(scene.joint_torque.friction.coulomb, 6)
+    np.testing.assert_allclose(found.friction, true, atol=0.15 * true.max())
+    assert "The joint torques contain Coulomb friction of about (" in _printed(found)
+    quiet = none.model_copy(update={"model_error": float(true.max())})
+    assert run(scene.model_copy(update={"joint_torque": quiet}), parts).friction is None
 
 
 @pytest.mark.slow
