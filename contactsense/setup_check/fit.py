@@ -177,9 +177,9 @@ class Fitter:
         return float(rows @ np.log(variance)) + penalty + float(charge.sum())
 
     def offset(self, setup: Setup, field: str) -> np.ndarray:
-        """What a force/torque sensor reads on average beyond the prediction without nuisances, as read, shape
-        (6,) [N, Nm]."""
-        return np.asarray(self._equations(setup).error[:, self._of(field)].mean(axis=0))
+        """What a force/torque sensor reads beyond the prediction without nuisances, as read, shape (6,)
+        [N, Nm]: the median, which a short contact does not change."""
+        return np.asarray(np.median(self._equations(setup).error[:, self._of(field)], axis=0))
 
     def friction(self, setup: Setup) -> tuple[np.ndarray, np.ndarray] | None:
         """Coulomb friction of each joint, shape (n,) [Nm], and the standard deviations; None without joint

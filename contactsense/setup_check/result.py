@@ -74,9 +74,9 @@ class SetupCheck:
     seconds: float
     """Length of the recordings [s]."""
     base_offset: tuple[float, ...] | None = None
-    """What the base sensor reads on average beyond the weight and the bias that the scene states, in its own
-    frame and sign [N, Nm], where nothing contradicts the scene and a stream would take that for a contact;
-    else None. `contactsense.calibration.calibrate` estimates the bias."""
+    """What the base sensor reads in the median beyond weight and bias of the scene, in its own frame and sign
+    [N, Nm], where nothing contradicts the scene and a stream would take that for a contact; else None.
+    `contactsense.calibration.calibrate` estimates the bias."""
     friction: tuple[float, ...] | None = None
     """Coulomb friction of each joint in the joint torques [Nm], where the scene states none, nothing
     contradicts it, and a stream would take that for a contact; else None. `calibrate` estimates it."""

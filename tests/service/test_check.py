@@ -153,6 +153,24 @@ def test_friction_of_which_the_scene_states_none_is_told(folder: Path) -> None:
 
 
 @pytest.mark.slow
+def test_a_short_push_is_no_bias(folder: Path) -> None:
+    """Its mean over the recording is far beyond the noise, and calibration would rightly change nothing."""
+    scene = Scene.load(folder / "right.yaml")
+    assert scene.base_wrench is not None
+    parts, _ = read_free_motion(folder / "free.csv", scene)
+    off = np.array(run(scene, parts).base_offset or np.zeros(6))
+    bias = tuple((np.array(scene.base_wrench.bias) + off).tolist())
+    stated = scene.model_copy(update={"base_wrench": scene.base_wrench.model_copy(update={"bias": bias})})
+    (part,) = parts
+    assert part.reading is not None
+    during = (part.t > part.t[0] + 4.0) & (part.t < part.t[0] + 5.5)
+    pushed = part.reading + np.outer(during, [0.0, 0.0, 12.0, 0.0, 0.0, 0.0])
+    found = run(stated, [replace(part, reading=pushed)])
+    assert found.fits
+    assert found.base_offset is None
+
+
+@pytest.mark.slow
 def test_a_wrong_line_is_named_with_the_value_that_fits(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
