@@ -48,7 +48,7 @@ def doubts(found: Calibration, scene: Scene, recordings: list[FreeMotion]) -> tu
             item for item in result.wrong if item.line not in named and not item.line.endswith(corrected)
         ]
         for item in wrong:
-            text = f"{item.line}: got {item.stated}, {item.proposed} would fit"
+            text = f"{item.line}: got {item.stated}; {item.proposed} would fit"
             reasons.append(f"{text} ({item.remark})" if item.remark else text)
         named.update(item.line for item in wrong)
     return tuple(dict.fromkeys(reasons))

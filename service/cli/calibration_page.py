@@ -8,6 +8,7 @@ import numpy as np
 
 from contactsense.calibration import Calibration, Value
 from contactsense.calibration.gauss_newton import NOT_ESTIMATED
+from contactsense.calibration.parameters import SMALL_FRICTION
 from contactsense.calibration.result import CHANGED
 from contactsense.scene import Scene
 from contactsense.setup_check.unexplained import ARM_LEVER, UNEXPLAINED_SHARE
@@ -242,8 +243,10 @@ def _next_steps(found: Calibration, written: Path | None, against: tuple[str, ..
             "look at the stretches that were left out: a hand, a cable, a hard stop. If nothing was there, "
             "--keep-contacts uses them"
         )
-    unexcited = sorted({v.entry.name for v in found.values if v.kept.startswith("not excited")})
-    if unexcited:
+    # Beside a wrong line even the best motion does not excite, and `excite` does not seek load and lubricant.
+    sought = [v for v in found.values if v.entry.group not in SMALL_FRICTION]
+    unexcited = sorted({v.entry.name for v in sought if v.kept.startswith("not excited")})
+    if unexcited and not against:
         more = f" and {len(unexcited) - 3} more" if len(unexcited) > 3 else ""
         steps.append(
             f"this motion does not excite {', '.join(unexcited[:3])}{more}, kept as in the scene: a "

@@ -131,6 +131,23 @@ def test_a_fit_that_has_gone_wrong_is_not_recommended(folder: Path) -> None:
     assert advice(wrong).startswith("do not use this scene: the one before explains this motion better")
 
 
+def test_another_motion_is_advised_only_where_it_helps(folder: Path) -> None:
+    """Not after the motion of `excite`, of which no load of a vertical axis is known, nor beside a wrong
+    line, whose residuals hide all parameters."""
+    scene = Scene.load(folder / "scene.yaml")
+    parts, _ = read_free_motion(folder / "free.csv", scene)
+    found = estimate(scene, parts, Settings(("bias", "coulomb", "load"), widths=False))
+
+    def advice(*groups: str, against: tuple[str, ...] = ()) -> str:
+        kept = dict.fromkeys(groups, "not excited by this motion")
+        values = tuple(replace(v, kept=kept.get(v.entry.group, "")) for v in found.values)
+        return "\n".join(page(replace(found, values=values), scene, None, against)[-1].lines)
+
+    assert "excite" not in advice("load")
+    assert "this motion does not excite coulomb of elbow_joint, " in advice("coulomb", "load")
+    assert "excite" not in advice("coulomb", against=("do not use this scene: robot: got ur10e",))
+
+
 def test_a_base_sensor_that_stays_unexplained_is_not_recommended() -> None:
     """A fit cannot reverse the sign of a sensor: it turns the sensor and tilts the arm instead."""
     sensor = WrenchSensor(sign="sensor_on_arm")
@@ -193,7 +210,7 @@ def test_a_line_that_is_wrong_before_and_after_is_named_once(
     scene = Scene.load(folder / "scene.yaml")
     parts, _ = read_free_motion(folder / "free.csv", scene)
     found = estimate(scene, parts, Settings(("bias",), widths=False))
-    assert doubts(found, scene, parts) == ("joint torques: scale: got 1 per Nm, 997 per Nm would fit",)
+    assert doubts(found, scene, parts) == ("joint torques: scale: got 1 per Nm; 997 per Nm would fit",)
     assert next(proposals, None) is None
 
 
@@ -322,8 +339,8 @@ def test_sensors_within_the_arm_are_calibrated_and_written(tmp_path: Path) -> No
 def test_a_result_that_cannot_be_is_not_recommended(folder: Path, tmp_path: Path) -> None:
     """Torques in Ncm, and the scene of another arm."""
     for name, robot, field in (
-        ("ncm.csv", "ur5e", "joint torques: scale: got 1 per Nm, "),
-        ("free.csv", "ur10e", "robot: got ur10e, ur5e would fit"),
+        ("ncm.csv", "ur5e", "joint torques: scale: got 1 per Nm; "),
+        ("free.csv", "ur10e", "robot: got ur10e; ur5e would fit"),
     ):
         path = tmp_path / f"{robot}.yaml"
         path.write_text(f"robot: {robot}\nbase_wrench: null\n")
