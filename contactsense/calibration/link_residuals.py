@@ -17,6 +17,7 @@ from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.parameters import Entry
 from contactsense.calibration.recording_residuals import residuals, settled_samples, velocity_covariance
 from contactsense.calibration.residual_jacobian import Rows, difference, inertial_columns
+from contactsense.calibration.smooth_velocities import with_smooth_velocities
 from contactsense.kinematics.inverse_dynamics import inverse_dynamics
 from contactsense.kinematics.model import empty_motion
 from contactsense.robots.link_poses import link_poses
@@ -124,20 +125,23 @@ def link_rows(
     keep = slice(settled_samples(recording, bandwidth), None, stride)
     dt = stride * float(np.median(np.diff(recording.t)))
     links = [(number, entry) for number, entry in enumerate(selected) if entry.group == "links"]
+    smooth = with_smooth_velocities(recording)
     per_body = None
     if links and recording.link_readings:
-        per_body = inertial_columns(arm, recording, arm.gravity, bandwidth, keep)
+        per_body = inertial_columns(arm, smooth, arm.gravity, bandwidth, keep)
     joints, rows = recording.q.shape[1], list[Rows]()
     for field in recording.link_readings:
         number, mount, _ = _of(arm.scene, field)
         residual = link_residuals(arm, recording, field, bandwidth)
+        of_smooth = link_residuals(arm, smooth, field, bandwidth)
 
         def residual_of(x: CalibrationModel, part: FreeMotion, field: str = field) -> np.ndarray:
             return link_residuals(x, part, field, bandwidth, seen_by=arm)
 
         columns = [
-            (k, difference(residual_of, arm, recording, entry, residual)[keep])
+            (k, difference(residual_of, arm, part, entry, before)[keep])
             for k, entry in enumerate(selected)
+            for part, before in [(smooth, of_smooth) if entry.group == "payload" else (recording, residual)]
             if entry.sensor == field or entry.group in ("payload", "tilt")
         ]
         if per_body is not None:

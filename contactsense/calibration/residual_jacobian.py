@@ -9,7 +9,9 @@ those by its place are levers of the measured force. Derivatives of the residual
 force by the model, with the noise of the velocities, which is in the residual too: a fit would move the
 sensor to where that is smaller. The noise of the measured force is not in the moments of this residual, so
 neither noise biases the place: the measured force is an instrumental variable (T. Soederstroem, P. Stoica,
-"Instrumental variable methods for system identification", 1983).
+"Instrumental variable methods for system identification", 1983). Those by masses, of the tool and of the
+links, are derivatives of the residuals of a smooth motion (`contactsense.calibration.smooth_velocities`),
+except in the joint torques, whose own noise is larger.
 """
 
 from collections.abc import Callable
@@ -30,6 +32,7 @@ from contactsense.calibration.recording_residuals import (
     settled_samples,
     time_step,
 )
+from contactsense.calibration.smooth_velocities import with_smooth_velocities
 from contactsense.kinematics.model import empty_motion
 from contactsense.kinematics.momenta import kinematics_and_momenta
 from contactsense.kinematics.regressor import PARAMETERS, arm_regressor
@@ -102,6 +105,10 @@ def linearize(
         return residuals(x, part, bandwidth, about=arm)
 
     keep = slice(settled_samples(recording, bandwidth), None, stride)
+    smooth, of_smooth = recording, residual
+    if recording.reading is not None and any(entry.group in ("payload", "links") for entry in selected):
+        smooth = with_smooth_velocities(recording)
+        of_smooth = residuals(arm, smooth, bandwidth)
     slopes: list[tuple[int, np.ndarray, int | None]] = []
     done: set[Group] = set()
     for number, entry in enumerate(selected):
@@ -116,10 +123,14 @@ def linearize(
             slopes += _joint_columns(arm, recording, selected, entry.group, bandwidth, residual, keep)
         else:
             slope = difference(residual_of, arm, recording, entry, residual)
+            if entry.group == "payload" and smooth is not recording:
+                slope[:, joints:] = difference(residual_of, arm, smooth, entry, of_smooth)[:, joints:]
             slopes.append((number, slope[keep], None))
     links = [(number, entry.index) for number, entry in enumerate(selected) if entry.group == "links"]
     if links:
         by_link = inertial_columns(arm, recording, arm.gravity, bandwidth, keep)
+        if smooth is not recording:
+            by_link[:, joints:] = inertial_columns(arm, smooth, arm.gravity, bandwidth, keep)[:, joints:]
         by_link[:, joints:] = np.einsum("ij,mjlp->milp", arm.to_base_sensor, by_link[:, joints:])
         slopes += [(number, by_link[:, :, link, column], None) for number, (link, column) in links]
     moving = recently_moved(recording)[keep]
