@@ -20,7 +20,7 @@ from contactsense.robots.units import FURTHEST
 from contactsense.scene import Scene
 from contactsense.scene_model.arm_weight import ArmWeight
 from contactsense.scene_model.link_prior import area_share, link_probability
-from contactsense.scene_model.scene_surfaces import scene_surfaces
+from contactsense.scene_model.scene_surfaces import scene_surfaces, touchable_links
 from contactsense.scene_model.wrench_map import WrenchMap
 from contactsense.sensors.settings import JointTorqueSensor, LinkWrenchSensor, Meaning, WrenchSensor
 from contactsense.service.scene.link_reading_at_rest import link_reading_at_rest
@@ -274,8 +274,11 @@ def torque_errors_in_words(sensor: JointTorqueSensor) -> list[str]:
 
 
 def _touchable(scene: Scene) -> str:
-    names = scene.touchable_links
+    names = list(scene.touchable_links)
     others = [name for name in scene.link_names if name not in names]
+    if touchable_links(scene)[0] and others[:1] == [scene.link_names[0]]:
+        # The part of the base link that pedestals are, which `link_prior` names with it.
+        names += [body.name for body in scene.bodies if body.role == "pedestal"]
     return ", ".join(names) + (f"; not: {', '.join(others)}" if others else "")
 
 

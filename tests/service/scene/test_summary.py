@@ -10,6 +10,7 @@ import pytest
 from contactsense import JointTorqueSensor, LinkWrenchSensor, Scene, WrenchSensor, robots
 from contactsense.plausibility.largest_reading import largest_reading_at_rest
 from contactsense.robots.robot import NO_MASS
+from contactsense.robots.surroundings import Body
 from contactsense.robots.tool import Tool
 from contactsense.scene_model.arm_weight import ArmWeight
 from contactsense.sensors.settings import Friction, LinkInertia
@@ -109,6 +110,17 @@ def test_absent_parts_are_said_to_be_absent() -> None:
     text = _text(Scene(robot="ur5e", base_wrench=None, touchable=("forearm",)))
     assert "base_wrench none" in text
     assert "touchable forearm; not: base, shoulder, upper_arm, wrist_1, wrist_2, wrist_3" in text
+
+
+def test_a_pedestal_below_a_link_that_is_not_touchable_is_touchable() -> None:
+    """Contacts on it are found, and the prior over links has the base link for it."""
+    plate = {"kind": "cylinder", "a": (0, 0, -0.03), "b": (0, 0, 0), "radius_a": 0.1, "radius_b": 0.1}
+    body = Body.model_validate(
+        {"name": "adapter", "role": "pedestal", "primitives": [plate | {"rounding": 0.003}]}
+    )
+    assert "touchable forearm, adapter; not: base, shoulder" in _text(
+        Scene(robot="ur5e", touchable=("forearm",), bodies=(body,), link_prior="equal")
+    )
 
 
 def test_the_prior_over_links_is_said_in_percent() -> None:
