@@ -71,6 +71,11 @@ def demo(script: Path | None, serve: bool, view: bool, port: int, react: bool, a
     serve = serve or view
     try:
         played = Script.demo() if script is None else Script.load(script)
+        if played.watchdog is not None:
+            raise ScriptError(
+                "watchdog: expected none, since nobody writes its variable in the demo, and the arm would "
+                "not move as the script says: `contactsense mock --script` simulates it"
+            )
         motion = simulate(played)
     except ScriptError as error:
         raise click.ClickException(str(error)) from None

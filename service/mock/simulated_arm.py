@@ -84,7 +84,10 @@ def simulate(script: Script, robot: Robot | None = None) -> Motion:
     """
     arm = robot if robot is not None else _load(script.robot)
     if script.obstacles:
-        raise ScriptError("obstacles: expected none in a motion that is worked out beforehand")
+        raise ScriptError(
+            "obstacles: expected none, since what they do to the motion is not known beforehand: "
+            "`contactsense mock --script` simulates them"
+        )
     check_trajectory(script, arm)
     check_contacts(script, arm)
     q, qd, qdd = joint_motion(script.trajectory, script.rate)

@@ -57,3 +57,19 @@ def test_a_motion_that_cannot_repeat_is_refused(tmp_path: Path, option: str) -> 
     assert done.exit_code == 1
     assert f"{option}: expected a script that ends where it begins" in done.output
     assert done.output.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("more", "complaint"),
+    [
+        ("watchdog: {variable: input_int_register_47, min_frequency: 10, action: pause}", "watchdog"),
+        ("obstacles: [{kind: sphere, center: [2, 0, 0], radius: 0.1}]", "obstacles"),
+    ],
+)
+def test_what_changes_the_motion_is_refused(tmp_path: Path, more: str, complaint: str) -> None:
+    """The truth beside the estimates is that of the script: a paused arm would be compared with it."""
+    (tmp_path / "script.yaml").write_text(AWAY.replace("PUSH", "push: 25") + more + "\n")
+    done = CliRunner().invoke(cli, ["demo", "--script", str(tmp_path / "script.yaml")])
+    assert done.exit_code == 1
+    assert f"{complaint}: expected none, since " in done.output
+    assert "`contactsense mock --script` simulates" in done.output

@@ -143,6 +143,12 @@ def test_a_script_that_the_arm_cannot_follow(fields: dict[str, object], complain
         simulate(script(**fields), ARM)
 
 
+def test_a_script_with_obstacles_is_for_the_live_simulation() -> None:
+    wall = {"kind": "half_space", "point": [-3.0, 0.0, 0.0], "normal": [1.0, 0.0, 0.0]}
+    with pytest.raises(ScriptError, match=r"obstacles: expected none, .*`contactsense mock --script`"):
+        simulate(script(obstacles=[wall]), ARM)
+
+
 @pytest.mark.parametrize(
     ("name", "complaint"),
     [("ur99", "robot: unknown robot 'ur99'"), ("gone.urdf", "robot: gone.urdf: no such")],
