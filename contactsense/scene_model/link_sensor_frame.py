@@ -13,9 +13,22 @@ class LinkSensorFrame:
     """From the frame of one of `Scene.link_sensors` to base axes and back."""
 
     def __init__(self, scene: Scene, field: str) -> None:
-        """Create the map for one sensor; `field`: its key in `Scene.link_sensors`."""
+        """Create the map for one sensor.
+
+        Args:
+            scene: Arm and sensors.
+            field: Key of the sensor in `Scene.link_sensors`, such as `wrist_wrench`.
+
+        Raises:
+            ValueError: The scene has no such sensor.
+        """
+        known = mounts(scene)
+        if field not in known:
+            raise ValueError(
+                f"{field}: expected a sensor of the scene, which has {', '.join(known) or 'none'}"
+            )
         self._model, self._motion = build_model(scene.robot), empty_motion(len(scene.robot.joints))
-        self._mount = mounts(scene)[field]
+        self._mount = known[field]
         self._sign = self._mount.settings.sign_factor
         self._bias = np.array(self._mount.settings.bias)
         load_kinematics(self._model, self._motion)
@@ -26,6 +39,9 @@ class LinkSensorFrame:
         Args:
             q: Joint positions, shape (n,) [rad].
             reading: In the sensor's own frame and sign, shape (..., 6) [N, Nm].
+
+        Raises:
+            ValueError: `q` has not one number per joint.
         """
         return np.asarray(self._sign * (reading - self._bias) @ self._to_base(q).T)
 
@@ -44,6 +60,11 @@ class LinkSensorFrame:
         return np.array(found, dtype=np.float64).reshape(-1, 6)
 
     def _to_base(self, q: np.ndarray) -> np.ndarray:
+        q = np.asarray(q, dtype=np.float64)  # another type would be compiled anew, for seconds
+        if q.shape != (self._model.joints,):
+            raise ValueError(
+                f"q: expected {self._model.joints} joint positions, got an array of shape {q.shape}"
+            )
         forward_kinematics(self._model, q, self._motion)
         R, o = self._motion.rotation[self._mount.body], self._motion.origin[self._mount.body]
         return wrench_transform(R @ self._mount.rotation, o + R @ self._mount.origin)
