@@ -51,7 +51,8 @@ def trimmed_fit(
     free: np.ndarray,
     stride: int,
 ) -> TrimmedFit:
-    """The arm that explains the quietest part of the recordings.
+    """The arm that explains the quietest part of the recordings; `arm` if that part does not determine the
+    parameters.
 
     Args:
         arm: A fit to all of them, about which the equations are linearized.
@@ -81,13 +82,18 @@ def trimmed_fit(
             break
         quiet = chosen
         masks = np.split(quiet, np.cumsum(lengths)[:-1])
-        rows = [
+        fitted = [
             replace(row, moving=row.moving & mask)
             for part, mask in zip(everything, masks, strict=True)
             for row in part
         ]
-        fit = _fit(rows, prior, offset, free, count, lowest)
-    assert fit is not None
+        try:
+            fit = _fit(fitted, prior, offset, free, count, lowest)
+        except np.linalg.LinAlgError:
+            break
+        rows = fitted
+    if fit is None:
+        return TrimmedFit(arm, [np.zeros((len(recording.t), count)) for recording in recordings])
     covariance = sandwich_covariance(rows, fit, prior, free)
     uncertainty = []
     for part, recording in zip(everything, recordings, strict=True):

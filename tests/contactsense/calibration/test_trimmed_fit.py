@@ -1,5 +1,7 @@
 """The fit to the quietest samples: conditions of its parameters, and what it does not determine."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.ndimage import uniform_filter1d
@@ -61,3 +63,15 @@ def test_what_the_model_leaves_beyond_the_truth_is_as_large_as_its_uncertainty()
 def test_what_the_fit_does_not_determine_is_no_contact() -> None:
     """A stretch of this motion without contact was left out."""
     assert measure(33, base_sensor=False, touched=False).false_in_free == 0
+
+
+def test_a_quiet_part_that_determines_nothing_leaves_the_fit_to_everything() -> None:
+    scene = Scene(robot=plain_ur5e(), base_wrench=None, joint_torque=JointTorqueSensor(noise=0.3))
+    motion = FourierTrajectory.draw(np.random.default_rng(1), CENTRE, np.full(6, 0.6), 5, 6.0)
+    recording = simulate(scene, motion, 2, RATE)
+    arm = CalibrationModel.of(scene)
+    # The same parameters twice, with hardly any prior.
+    selected = tuple(replace(x, prior_std=1e12) for x in 2 * entries(arm, ("bias", "viscous")))
+    found = trimmed_fit(arm, arm, [recording], selected, np.ones(len(selected), dtype=bool), 1)
+    assert found.arm is arm
+    assert not found.uncertainty[0].any()
