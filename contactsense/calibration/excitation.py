@@ -19,7 +19,7 @@ from contactsense.calibration.expected_uncertainty import (
     simulated_free_motion,
 )
 from contactsense.calibration.fourier_trajectory import FourierTrajectory
-from contactsense.calibration.parameters import SMALL_FRICTION, Group
+from contactsense.calibration.parameters import OPTIONAL_FRICTION, Group
 from contactsense.plausibility.largest_reading import joints_of_unknown_speed
 from contactsense.scene import Scene
 from contactsense.sensors.settings import JointTorqueSensor
@@ -85,7 +85,7 @@ def groups_of(scene: Scene) -> tuple[Group, ...]:
     recording = simulated_free_motion(
         scene, FourierTrajectory(zeros[0], 0.0 * zeros.T, 0.0 * zeros.T, 1.0), 3.0
     )
-    return tuple(group for group in default_groups(scene, [recording]) if group not in SMALL_FRICTION)
+    return tuple(group for group in default_groups(scene, [recording]) if group not in OPTIONAL_FRICTION)
 
 
 def propose_excitation(

@@ -138,12 +138,11 @@ def link_rows(
         def residual_of(x: CalibrationModel, part: FreeMotion, field: str = field) -> np.ndarray:
             return link_residuals(x, part, field, bandwidth, seen_by=arm)
 
-        columns = [
-            (k, difference(residual_of, arm, part, entry, before)[keep])
-            for k, entry in enumerate(selected)
-            for part, before in [(smooth, of_smooth) if entry.group == "payload" else (recording, residual)]
-            if entry.sensor == field or entry.group in ("payload", "tilt")
-        ]
+        columns = []
+        for k, entry in enumerate(selected):
+            if entry.sensor == field or entry.group in ("payload", "tilt"):
+                part, before = (smooth, of_smooth) if entry.group == "payload" else (recording, residual)
+                columns.append((k, difference(residual_of, arm, part, entry, before)[keep]))
         if per_body is not None:
             link = _Poses.of(arm.scene, recording.q[keep], mount)
             own = _mounted(link, arm, field).from_base(per_body[:, joints:])

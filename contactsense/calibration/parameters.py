@@ -40,9 +40,9 @@ PER_JOINT: tuple[Group, ...] = ("bias", "coulomb", "viscous", "rotor", "load", "
 NOT_NEGATIVE: tuple[Group, ...] = ("coulomb", "viscous", "rotor", "load", "lubricant")
 OF_LINK_SENSORS: tuple[Group, ...] = ("link_bias", "link_turn", "link_shift", "link_delay")
 """Groups of the force/torque sensors within the arm."""
-SMALL_FRICTION: tuple[Group, ...] = ("load", "lubricant")
+OPTIONAL_FRICTION: tuple[Group, ...] = ("load", "lubricant")
 """Terms of friction that many drives do not show."""
-OPTIONAL: tuple[Group, ...] = (*SMALL_FRICTION, "tilt")
+OPTIONAL: tuple[Group, ...] = (*OPTIONAL_FRICTION, "tilt")
 """Groups that keep the scene's values if they are not significant."""
 
 INERTIA_ERROR = 0.1

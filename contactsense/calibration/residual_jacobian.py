@@ -5,7 +5,7 @@ nearly all parameters enter linearly, so one large step is exact, and the observ
 duplicated. The sixty columns of the links come from the regressor in one pass.
 
 Residuals are in the frame of the force/torque sensor as it is estimated, and derivatives keep that frame. So
-those by its place are levers of the measured force. Derivatives of the residual itself would be levers of the
+those by its place follow from the measured force. Derivatives of the residual itself would follow from the
 force by the model, with the noise of the velocities, which is in the residual too: a fit would move the
 sensor to where that is smaller. The noise of the measured force is not in the moments of this residual, so
 neither noise biases the place: the measured force is an instrumental variable (T. Soederstroem, P. Stoica,

@@ -52,22 +52,22 @@ def sandwich_covariance(
         unexcited: Which of the others are known by their prior only, shape (k,), bool: their uncertainty is
             added to the covariance of the free ones (S. F. Schmidt's consider parameters).
     """
+    precision = np.diag(prior**-2.0)
     bread = np.zeros((len(prior), len(prior)))
-    bread[np.ix_(free, free)] = np.linalg.inv((fit.information + np.diag(prior**-2.0))[np.ix_(free, free)])
-    models = [_autoregression(own) for own in fit.autocovariance]
-    residuals = [_spectrum(own, a) for own, a in zip(fit.autocovariance, models, strict=True)]
-    errors = residuals
+    bread[np.ix_(free, free)] = np.linalg.inv((fit.information + precision)[np.ix_(free, free)])
+    coefficients = [_autoregression(own) for own in fit.autocovariance]
+    of_residuals = [_spectrum(own, a) for own, a in zip(fit.autocovariance, coefficients, strict=True)]
+    of_errors = of_residuals
     for _ in range(_ITERATIONS):
-        autocovariance = [idct(spectrum, type=1) for spectrum in errors]
-        expected = _expected_autocovariances(rows, fit, bread, autocovariance)
-        for_these = [_spectrum(own, a) for own, a in zip(expected, models, strict=True)]
-        errors = [
-            own * np.divide(old, new, where=old < _MAX_RATIO * new, out=np.full(len(old), _MAX_RATIO))
-            for own, old, new in zip(residuals, errors, for_these, strict=True)
+        autocovariances = [idct(spectrum, type=1) for spectrum in of_errors]
+        expected = _expected_autocovariances(rows, fit, bread, autocovariances)
+        of_expected = [_spectrum(own, a) for own, a in zip(expected, coefficients, strict=True)]
+        of_errors = [
+            own * np.divide(true, left, where=true < _MAX_RATIO * left, out=np.full(len(true), _MAX_RATIO))
+            for own, true, left in zip(of_residuals, of_errors, of_expected, strict=True)
         ]
-    meat = _score_covariance(rows, fit, [idct(spectrum, type=1) for spectrum in errors]) + np.diag(
-        prior**-2.0
-    )
+    autocovariances = [idct(spectrum, type=1) for spectrum in of_errors]
+    meat = _score_covariance(rows, fit, autocovariances) + precision
     covariance: np.ndarray = bread @ meat @ bread
     if unexcited is not None and unexcited.any():
         sensitivity = bread @ fit.information[:, unexcited] * prior[unexcited]

@@ -123,7 +123,7 @@ def _fit(
     count: int,
     lowest: np.ndarray,
 ) -> RobustFit:
-    """Solve for the free parameters, none of which falls by more than to `lowest`, shape (k,).
+    """Solve for the free parameters. No step is below `lowest`, shape (k,).
 
     The quiet samples alone may not tell two parts of friction apart: a negative one and a large other one
     then cancel there, and nowhere else.

@@ -10,12 +10,12 @@ from contactsense.setup_check.setup import Setup
 _NOISE_FACTOR = 2.0
 """Friction below this multiple of the standard deviation that the scene states, noise and model error, hardly
 appears as a contact."""
-_SURE = 5.0
-"""And it must differ from zero by this many standard deviations of the estimate."""
+_MIN_SIGNIFICANCE = 5.0
+"""Friction is told if it differs from zero by this many standard deviations of the estimate."""
 
 
 def unstated_friction(scene: Scene, fitter: Fitter, setup: Setup) -> tuple[float, ...] | None:
-    """`SetupCheck.friction`.
+    """Coulomb friction of each joint, shape (n,) [Nm], where it is worth telling: see `SetupCheck.friction`.
 
     Args:
         scene: What is checked.
@@ -30,6 +30,6 @@ def unstated_friction(scene: Scene, fitter: Fitter, setup: Setup) -> tuple[float
         return None
     found, std = estimate
     allowed = np.hypot(per_joint(sensor.noise, n), per_joint(sensor.model_error, n))
-    if (found > np.maximum(_NOISE_FACTOR * allowed, _SURE * std)).any():
+    if (found > np.maximum(_NOISE_FACTOR * allowed, _MIN_SIGNIFICANCE * std)).any():
         return tuple(np.maximum(found, 0.0).tolist())
     return None

@@ -26,9 +26,9 @@ from contactsense.robots.torque_scale import torque_scales
 from contactsense.scene import JointTorqueSensor, Scene
 from contactsense.sensors.settings import per_joint
 from contactsense.setup_check.equations import Equations, bordered, products
-from contactsense.setup_check.levers import levers
 from contactsense.setup_check.lines import wrench_fields
 from contactsense.setup_check.motion_basis import MotionBases, MotionBasis, Readings
+from contactsense.setup_check.place_jacobian import place_jacobian
 from contactsense.setup_check.setup import BASE, Free, Kind, Order, Setup, in_order
 
 _BASE_BIAS = np.repeat([50.0, 20.0], 3)
@@ -142,8 +142,9 @@ class Fitter:
     def _placed(
         self, start: Setup, free: tuple[Free, ...], prior: np.ndarray, limit: np.ndarray, steps: int
     ) -> Setup:
-        """The setup with sensors where their moments do not follow `levers` any more, which is not where the
-        cost is smallest; `start` if the steps do not become shorter."""
+        """The setup with the sensors where the errors of their moments are not correlated with
+        `place_jacobian` (instrumental variables); the cost may be smaller elsewhere. `start` if the steps do
+        not become shorter."""
         setup, lengths = start, []
         for _ in range(steps):
             solved = self._solve(setup, self._slopes(setup, free, prior), prior)
@@ -213,7 +214,7 @@ class Fitter:
             if group.kind == "shift":
                 channels = self._of(group.field)
                 reading, sensor = self._readings.wrenches[group.field], setup.sensors[group.field]
-                slopes[:, channels, own] = levers(sensor, reading, here[:, channels])
+                slopes[:, channels, own] = place_jacobian(sensor, reading, here[:, channels])
                 continue
             for i in own:
                 slopes[..., i] = (here - self._error(setup.moved(free, steps[i]))) / steps[i].sum()

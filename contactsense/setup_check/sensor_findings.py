@@ -120,8 +120,9 @@ def bias_findings(scene: Scene, fit: Fit) -> list[Finding]:
 
 
 def base_offset(scene: Scene, fitter: Fitter, setup: Setup) -> tuple[float, ...] | None:
-    """`SetupCheck.base_offset`: a stream estimates the drift of the base sensor's bias, but takes an offset
-    that is there from its start for a contact.
+    """What the base sensor reads beyond weight and bias, shape (6,) [N, Nm], where it is worth telling: see
+    `SetupCheck.base_offset`. A stream estimates the drift of the bias, but takes an offset that is there from
+    its start for a contact.
 
     Args:
         scene: What is checked.

@@ -8,7 +8,7 @@ import numpy as np
 
 from contactsense.calibration import Calibration, Value
 from contactsense.calibration.gauss_newton import NOT_ESTIMATED
-from contactsense.calibration.parameters import SMALL_FRICTION
+from contactsense.calibration.parameters import OPTIONAL_FRICTION
 from contactsense.calibration.result import CHANGED
 from contactsense.scene import Scene
 from contactsense.setup_check.unexplained import ARM_LEVER, UNEXPLAINED_SHARE
@@ -244,7 +244,7 @@ def _next_steps(found: Calibration, written: Path | None, against: tuple[str, ..
             "--keep-contacts uses them"
         )
     # Beside a wrong line even the best motion does not excite, and `excite` does not seek load and lubricant.
-    sought = [v for v in found.values if v.entry.group not in SMALL_FRICTION]
+    sought = [v for v in found.values if v.entry.group not in OPTIONAL_FRICTION]
     unexcited = sorted({v.entry.name for v in sought if v.kept.startswith("not excited")})
     if unexcited and not against:
         more = f" and {len(unexcited) - 3} more" if len(unexcited) > 3 else ""

@@ -148,26 +148,6 @@ def test_another_motion_is_advised_only_where_it_helps(folder: Path) -> None:
     assert "excite" not in advice("coulomb", against=("do not use this scene: robot: got ur10e",))
 
 
-def test_a_base_sensor_that_stays_unexplained_is_not_recommended() -> None:
-    """A fit cannot reverse the sign of a sensor: it turns the sensor and tilts the arm instead."""
-    sensor = WrenchSensor(sign="sensor_on_arm")
-    truth = Scene(robot="ur5e", joint_torque=None, base_wrench=sensor, tool=Tool(mass=1.0))
-    center = np.array([0.0, -1.3, 1.5, -1.0, 0.8, 0.0])
-    motion = FourierTrajectory.draw(np.random.default_rng(4), center, np.full(6, 0.7), 6, 8.0)
-    recording = simulate(truth, motion, 1, 125.0)
-    advice = {}
-    for sign in ("sensor_on_arm", "arm_on_sensor"):
-        stated = sensor.model_copy(update={"sign": sign})
-        scene = truth.model_copy(update={"base_wrench": stated})
-        found = estimate(scene, [recording], Settings(("wrench_bias", "tilt", "turn"), widths=False))
-        advice[sign] = "\n".join(page(found, scene, Path("new.yaml"), reasons_against(found, ()))[-1].lines)
-    assert "do not use" not in advice["sensor_on_arm"]
-    assert re.match(
-        r"do not use this scene: it does not explain .*base force z \(\d+ N\)", advice["arm_on_sensor"]
-    )
-    assert "`contactsense check`" in advice["arm_on_sensor"]
-
-
 def test_what_was_left_out_as_a_contact_is_no_reason_for_doubts(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -247,42 +227,6 @@ def test_the_former_scene_is_kept_with_its_comments(folder: Path, tmp_path: Path
     assert result.exit_code == 0, result.output
     assert (tmp_path / "scene.yaml.bak").read_text() == text
     assert "friction" in scene.read_text()
-
-
-def test_corrections_are_told_as_the_lines_of_the_scene() -> None:
-    sensor = WrenchSensor(rpy=(0.0, 0.0, 0.5236), translation=(0.0, 0.0, -0.04))
-    truth = Scene(robot="ur5e", mounting="wall", joint_torque=None, base_wrench=sensor)
-    off = sensor.model_copy(update={"rpy": (0.0, 0.0, 0.45), "translation": (0.0, 0.0, -0.01)})
-    scene = truth.model_copy(update={"base_wrench": off})
-    center = np.array([0.0, -1.3, 1.5, -1.0, 0.8, 0.0])
-    motion = FourierTrajectory.draw(np.random.default_rng(4), center, np.full(6, 0.7), 6, 8.0)
-    groups = Settings(("wrench_bias", "tilt", "turn", "shift"), widths=False)
-    found = estimate(scene, [simulate(truth, motion, 1, 125.0)], groups)
-    (changed,) = (part.lines for part in page(found, scene, None, ()) if part.title == "What changed")
-    told = "\n".join(changed)
-    assert re.search(r"orientation of the base sensor: rpy \[.*, 0\.52\d+\] \(was \[0, 0, 0\.45\]\)", told)
-    assert re.search(
-        r"place of the base sensor: translation \[.*, -0\.0(39|4)\d*\] \(was \[0, 0, -0\.01\]\)", told
-    )
-    # A direction of gravity that the motion does not contradict stays as it was written.
-    tilts = [value for value in found.values if value.entry.group == "tilt"]
-    assert tilts
-    assert not any(value.changed for value in tilts)
-    assert found.scene.mounting == "wall"
-
-    def told_of(tilt: float, std: float, mounting: object) -> tuple[str, ...]:
-        """What changed, if the tilt is this one."""
-        others = [value for value in found.values if value not in tilts]
-        values = [*others, *(replace(value, after=tilt, std=std, kept="") for value in tilts)]
-        result = found.scene.model_copy(update={"mounting": mounting})
-        other = replace(found, values=tuple(values), scene=result)
-        (lines,) = (part.lines for part in page(other, scene, None, ()) if part.title == "What changed")
-        return lines
-
-    assert "direction of gravity" in told_of(0.0001, 0.0001, "wall")[-1]
-    # On a wall, roll and yaw of a small tilt may be anything.
-    line = "direction of gravity: mounting [0.2473, 1.5706, 0.2473] (was wall), tilted by 0.011 degrees"
-    assert line in told_of(0.0001, 0.00001, (0.2473, 1.5706, 0.2473))
 
 
 def test_no_coordinate_is_minus_zero(folder: Path) -> None:

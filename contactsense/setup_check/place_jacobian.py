@@ -1,14 +1,14 @@
-"""How the moments that a force/torque sensor reads depend on its place."""
+"""Derivatives of the moments that a force/torque sensor reads by its place."""
 
 import numpy as np
 
 from contactsense.setup_check.setup import SensorSetup
 
 
-def levers(sensor: SensorSetup, reading: np.ndarray, error: np.ndarray) -> np.ndarray:
-    """Derivatives of a sensor's prediction by its displacement, with the measured force.
+def place_jacobian(sensor: SensorSetup, reading: np.ndarray, error: np.ndarray) -> np.ndarray:
+    """Derivatives of a sensor's prediction by its displacement, from the measured force.
 
-    Those of the prediction itself would be levers of the force by the model. It has the noise of the
+    Those of the prediction itself would follow from the force by the model. It has the noise of the
     velocities, as the moments have: a fit would move the sensor to where that noise is smaller, by decimetres
     where the motion is slow. The noise of the measured force is not in the moments, so neither biases the
     place: the measured force is an instrumental variable, as in `contactsense.calibration.residual_jacobian`.
