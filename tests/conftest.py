@@ -5,8 +5,10 @@ import gc
 import os
 from collections.abc import Generator, Iterator
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 
+import anyio
 import pytest
 from hypothesis import HealthCheck, settings
 
@@ -17,6 +19,13 @@ settings.register_profile(
     "reproducible", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.load_profile("reproducible")
+
+# pytest parses the modules of anyio, which is one of its plugins, and the parser of Python 3.11 fails now and
+# then where two threads parse at once. So a server thread must not be the first to use a part of it.
+for part in ("from_thread", "lowlevel", "to_thread", "_backends._asyncio"):
+    import_module(f"anyio.{part}")
+for part in dir(anyio):
+    getattr(anyio, part)
 
 ATTEMPTS = 3
 """How often a test in real time is tried on a computer whose processors are taken away."""
