@@ -39,7 +39,8 @@ HELD = 0.5
 DRAWS = 2000
 """Number of draws of the bootstrap."""
 LOOSE = 2.0
-"""The same in a live stream [N]: `contactsense.multi_contact.multi_hypothesis_filter.FORCE_DRIFT`."""
+"""The same in a live stream [N]:
+`contactsense.multi_contact.tracking.multi_hypothesis_filter.FORCE_DRIFT`."""
 
 
 class Judged(NamedTuple):

@@ -9,7 +9,7 @@ import numpy as np
 
 from contactsense.multi_contact.contact_set_builder import ContactSetBuilder
 from contactsense.multi_contact.locator import SEVERAL_CONTACTS
-from contactsense.multi_contact.tracker import MultiContactTracker
+from contactsense.multi_contact.tracking.tracker import MultiContactTracker
 from contactsense.output.degraded_reason import SET_BACK, degraded_reason
 from contactsense.plausibility.stream_screening import StreamScreening
 from contactsense.plausibility.stream_start import FROM_START, StreamStart

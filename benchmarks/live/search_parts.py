@@ -18,8 +18,8 @@ from contactsense.benchmarks import options
 from contactsense.benchmarks.accuracy.static_cases import COLUMNS, SENSORS, Noise, measured, scene_of
 from contactsense.benchmarks.accuracy.static_points import StaticPoints, read
 from contactsense.benchmarks.truth_arms import static_arms
-from contactsense.localization.line_distance import moment_variance
 from contactsense.localization.ranking import LINE_OF_ACTION_DEVIATION
+from contactsense.localization.surface.line_distance import moment_variance
 from contactsense.robots.jit.kernel import kernel
 from contactsense.runtime.buffers import Buffers, buffer_views
 from contactsense.runtime.explanation import isolate_links

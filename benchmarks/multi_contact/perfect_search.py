@@ -9,16 +9,20 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense import Contact, Estimate, Scene
-from contactsense.localization.placed_surface import PlacedSurface
-from contactsense.multi_contact.buffers import Measurement, MultiContactBuffers
-from contactsense.multi_contact.contact_step import set_contact, vector_of
-from contactsense.multi_contact.initial_contacts import initialize_known_contact
-from contactsense.multi_contact.joint_layout import FX, LOG_EVIDENCE, NX, PX
-from contactsense.multi_contact.joint_problem import JointProblem
-from contactsense.multi_contact.known_prior import fill_known_prior
-from contactsense.multi_contact.known_rows import Known
+from contactsense.localization.surface.placed_surface import PlacedSurface
+from contactsense.multi_contact.explanations.set_evidence import (
+    add_accessibility,
+    fill_set_evidence,
+    known_evidence,
+)
+from contactsense.multi_contact.joint.contact_step import set_contact, vector_of
+from contactsense.multi_contact.joint.initial_contacts import initialize_known_contact
+from contactsense.multi_contact.joint.joint_problem import JointProblem
+from contactsense.multi_contact.joint.known_rows import Known
+from contactsense.multi_contact.known_contacts.known_prior import fill_known_prior
 from contactsense.multi_contact.locator import MultiContactLocator
-from contactsense.multi_contact.set_evidence import add_accessibility, fill_set_evidence, known_evidence
+from contactsense.multi_contact.memory.buffers import Measurement, MultiContactBuffers
+from contactsense.multi_contact.memory.joint_layout import FX, LOG_EVIDENCE, NX, PX
 from contactsense.output.estimate_builder import EstimateBuilder
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.jit.lanes import LANES

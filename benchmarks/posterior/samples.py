@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense import Scene
-from contactsense.localization.surface_samples import is_on_mounting_face
+from contactsense.localization.surface.surface_samples import is_on_mounting_face
 from contactsense.robots import Robot
 from contactsense.robots.decomposition.mesh_sources import read_arm
 from contactsense.robots.decomposition.outer_skin import outer_skin

@@ -1,7 +1,7 @@
 """Distances of an arm from itself and from the plane that it stands on.
 
-The surface of each link is represented by the samples of `contactsense.localization.surface_samples`, about
-35 mm apart; an edge between two of them may be a few millimetres closer than reported.
+The surface of each link is represented by the samples of `contactsense.localization.surface.surface_samples`,
+about 35 mm apart; an edge between two of them may be a few millimetres closer than reported.
 """
 
 import numpy as np

@@ -2,7 +2,7 @@
 
 It may be anything, such as a pull, a couple or several contacts: a broad normal distribution. Or it is a
 touch on a link that the scene leaves out; no place is searched there
-(`contactsense.localization.surface_moments`).
+(`contactsense.localization.surface.surface_moments`).
 """
 
 import math
@@ -13,7 +13,7 @@ from contactsense.isolation.link_hypotheses import Hypotheses
 from contactsense.kinematics.linalg.ldl import ldl_solve
 from contactsense.kinematics.model import Motion
 from contactsense.localization.log_sum import log_add
-from contactsense.localization.surface_moments import (
+from contactsense.localization.surface.surface_moments import (
     BROAD_FORCE,
     SurfaceMoments,
     copy_measurement,

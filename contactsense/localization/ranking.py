@@ -1,11 +1,11 @@
 """Ranking of all candidate contacts: link and place are decided together, "none of these" included.
 
 If the fused wrench determines a line of action, the search on each primitive starts where the line enters it
-(`contactsense.localization.line_of_action_search`); if that explains nothing, from many places near the line
-(`contactsense.localization.multistart_search`). Otherwise the whole surface is searched
-(`contactsense.localization.surface_search`). The candidates on all links compete by log evidence: fit of the
-torques and of the base wrench, prior of force and torsion, and the width of the posterior
-(`contactsense.solvers.posterior.equations`). So does "none of these": a wrench that is not caused
+(`contactsense.localization.line_search.line_of_action_search`); if that explains nothing, from many places
+near the line (`contactsense.localization.line_search.multistart_search`). Otherwise the whole surface is
+searched (`contactsense.localization.surface_search.search`). The candidates on all links compete by log
+evidence: fit of the torques and of the base wrench, prior of force and torsion, and the width of the
+posterior (`contactsense.solvers.posterior.equations`). So does "none of these": a wrench that is not caused
 by a single push on a touchable link, but by a pull, a couple, several contacts, or a touch on a link that the
 scene leaves out. If a single contact is sought and the line of action is known, so do touches at places that
 the primitives do not model (`contactsense.localization.unmodelled_places`).
@@ -16,16 +16,16 @@ import math
 import numpy as np
 
 from contactsense.isolation.link_hypotheses import Hypotheses
-from contactsense.localization.candidate_buffers import Candidates
-from contactsense.localization.line_distance import moment_variance
-from contactsense.localization.line_of_action_search import search_along_line_of_action
-from contactsense.localization.multistart_search import search_from_samples
+from contactsense.localization.candidates.candidate_buffers import Candidates
+from contactsense.localization.line_search.line_of_action_search import search_along_line_of_action
+from contactsense.localization.line_search.multistart_search import search_from_samples
 from contactsense.localization.none_of_these import none_of_these_evidence
-from contactsense.localization.primitive_frames import place_primitives
-from contactsense.localization.searched_surface import SearchArrays
-from contactsense.localization.single_contact_problem import SingleContactProblem
-from contactsense.localization.surface_cells import SurfaceCells
-from contactsense.localization.surface_search import search_surface
+from contactsense.localization.problem.searched_surface import SearchArrays
+from contactsense.localization.problem.single_contact_problem import SingleContactProblem
+from contactsense.localization.problem.surface_cells import SurfaceCells
+from contactsense.localization.surface.line_distance import moment_variance
+from contactsense.localization.surface.primitive_frames import place_primitives
+from contactsense.localization.surface_search.search import search_surface
 from contactsense.localization.unmodelled_places import add_unmodelled_places
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.surface.convex_primitives import Surfaces

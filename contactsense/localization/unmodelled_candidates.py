@@ -13,11 +13,11 @@ import math
 import numpy as np
 
 from contactsense.kinematics.wrench_information import matvec
-from contactsense.localization.candidate_buffers import Candidates
-from contactsense.localization.line_distance import moment_variance
-from contactsense.localization.searched_surface import SearchArrays
-from contactsense.localization.single_contact_problem import SingleContactProblem
-from contactsense.localization.surface_cells import SurfaceCells
+from contactsense.localization.candidates.candidate_buffers import Candidates
+from contactsense.localization.problem.searched_surface import SearchArrays
+from contactsense.localization.problem.single_contact_problem import SingleContactProblem
+from contactsense.localization.problem.surface_cells import SurfaceCells
+from contactsense.localization.surface.line_distance import moment_variance
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.vectors import (
     Vector,

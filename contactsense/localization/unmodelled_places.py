@@ -4,14 +4,14 @@ The real normal there is that of no primitive near it, so the force may be tange
 pull on them, and the contact is not found. If its line of action enters a primitive elsewhere, that place
 would explain the measurement with certainty. So such a touch is a hypothesis of its own on each link. Its
 prior probability follows from the tilt of the real surface (`contactsense.scene_model.unmodelled_places`),
-its evidence from where on the link these places are (`contactsense.localization.surface_moments`).
+its evidence from where on the link these places are (`contactsense.localization.surface.surface_moments`).
 """
 
 import math
 
-from contactsense.localization.searched_surface import SearchArrays
-from contactsense.localization.single_contact_problem import SingleContactProblem
-from contactsense.localization.surface_moments import evidence_of_touch
+from contactsense.localization.problem.searched_surface import SearchArrays
+from contactsense.localization.problem.single_contact_problem import SingleContactProblem
+from contactsense.localization.surface.surface_moments import evidence_of_touch
 from contactsense.localization.unmodelled_candidates import add_unmodelled_candidates
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.robots.vectors import dot

@@ -6,7 +6,7 @@ from numbers import Integral, Real
 
 import numpy as np
 
-from contactsense.multi_contact.buffers import MAX_CONTACTS
+from contactsense.multi_contact.memory.buffers import MAX_CONTACTS
 from contactsense.types import Contact
 
 _FIELDS = (("point_base", (3,)), ("force_base", (3,)), ("torsion", ()), ("covariance", (3, 3)))

@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from contactsense.multi_contact.buffers import MAX_CONTACTS
-from contactsense.multi_contact.marginal_probabilities import state_marginal_probabilities
-from contactsense.multi_contact.set_reduction import merge_with_answer
+from contactsense.multi_contact.explanations.marginal_probabilities import state_marginal_probabilities
+from contactsense.multi_contact.explanations.set_reduction import merge_with_answer
+from contactsense.multi_contact.memory.buffers import MAX_CONTACTS
 from contactsense.output.estimate_builder import EstimateBuilder
 from contactsense.output.fast_dataclass import mutable_twin
 from contactsense.runtime.result_rows import WIDTH

@@ -10,39 +10,43 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contactsense.localization.placed_surface import PlacedSurface
-from contactsense.localization.searched_surface import placed_surface
-from contactsense.multi_contact.buffers import (
-    MAX_SEEDS,
-    MultiContactBuffers,
+from contactsense.localization.problem.searched_surface import placed_surface
+from contactsense.localization.surface.placed_surface import PlacedSurface
+from contactsense.multi_contact.explanations.pooled_evidence import PooledSets, log_of_sum, pool_link_evidence
+from contactsense.multi_contact.explanations.pooled_places import pool_places, widen_places
+from contactsense.multi_contact.explanations.ranked_sets import rank_sets, share_evidence
+from contactsense.multi_contact.explanations.set_evidence import (
+    add_accessibility,
+    fill_set_evidence,
+    known_evidence,
 )
-from contactsense.multi_contact.contact_step import move_to_cells
+from contactsense.multi_contact.explanations.stored_explanations import mix_with_candidate, store_explanation
+from contactsense.multi_contact.explanations.summed_pairs import store_summed_pairs
 from contactsense.multi_contact.further_contact import (
     SingleContactSearch,
     is_any_broad,
     locate_further_contact,
 )
-from contactsense.multi_contact.initial_contacts import (
+from contactsense.multi_contact.joint.contact_step import move_to_cells
+from contactsense.multi_contact.joint.initial_contacts import (
     initialize_from_seed,
     initialize_further_contact,
     initialize_known_contact,
 )
-from contactsense.multi_contact.joint_covariance import fill_covariances
-from contactsense.multi_contact.joint_layout import ENERGY, LOG_EVIDENCE, TORSION
-from contactsense.multi_contact.joint_problem import JointProblem
-from contactsense.multi_contact.known_force_weights import weigh_by_known_forces
-from contactsense.multi_contact.known_place_mixture import divide_known_places
-from contactsense.multi_contact.known_prior import fill_known_prior
-from contactsense.multi_contact.known_rows import Known
-from contactsense.multi_contact.pooled_evidence import PooledSets, log_of_sum, pool_link_evidence
-from contactsense.multi_contact.pooled_places import pool_places, widen_places
-from contactsense.multi_contact.ranked_sets import rank_sets, share_evidence
-from contactsense.multi_contact.sample_likelihood import SampleModel
-from contactsense.multi_contact.seeding import drop_seeds_at_candidates, find_seeds
-from contactsense.multi_contact.seeding_prior import initialize_seeding
-from contactsense.multi_contact.set_evidence import add_accessibility, fill_set_evidence, known_evidence
-from contactsense.multi_contact.stored_explanations import mix_with_candidate, store_explanation
-from contactsense.multi_contact.summed_pairs import store_summed_pairs
+from contactsense.multi_contact.joint.joint_covariance import fill_covariances
+from contactsense.multi_contact.joint.joint_problem import JointProblem
+from contactsense.multi_contact.joint.known_rows import Known
+from contactsense.multi_contact.known_contacts.known_force_weights import weigh_by_known_forces
+from contactsense.multi_contact.known_contacts.known_place_mixture import divide_known_places
+from contactsense.multi_contact.known_contacts.known_prior import fill_known_prior
+from contactsense.multi_contact.likelihood.sample_likelihood import SampleModel
+from contactsense.multi_contact.memory.buffers import (
+    MAX_SEEDS,
+    MultiContactBuffers,
+)
+from contactsense.multi_contact.memory.joint_layout import ENERGY, LOG_EVIDENCE, TORSION
+from contactsense.multi_contact.seeding.seed_search import drop_seeds_at_candidates, find_seeds
+from contactsense.multi_contact.seeding.seeding_prior import initialize_seeding
 from contactsense.robots.jit.kernel import fused_kernel, inlined_fused_kernel
 from contactsense.robots.jit.lanes import LANES
 from contactsense.solvers.posterior.contact_prior import Prior

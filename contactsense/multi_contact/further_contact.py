@@ -10,12 +10,12 @@ from typing import NamedTuple
 
 from contactsense.isolation.link_hypotheses import PRIOR_STD
 from contactsense.kinematics.linalg.ldl import invert_spd
-from contactsense.localization.candidate_buffers import Candidates
+from contactsense.localization.candidates.candidate_buffers import Candidates
+from contactsense.localization.problem.searched_surface import SearchArrays
+from contactsense.localization.problem.single_contact_problem import SingleContactProblem
 from contactsense.localization.ranking import LINE_OF_ACTION_DEVIATION, locate_contacts
-from contactsense.localization.searched_surface import SearchArrays
-from contactsense.localization.single_contact_problem import SingleContactProblem
-from contactsense.multi_contact.buffers import Measurement, SeedingBuffers
-from contactsense.multi_contact.link_information import fill_link_information
+from contactsense.multi_contact.likelihood.link_information import fill_link_information
+from contactsense.multi_contact.memory.buffers import Measurement, SeedingBuffers
 from contactsense.robots.jit.kernel import fused_kernel
 
 MIN_CANDIDATE_PROBABILITY = 1e-3

@@ -4,16 +4,16 @@ import math
 
 import numpy as np
 
-from contactsense.localization.primitive_frames import place_primitives
-from contactsense.localization.searched_surface import SearchArrays
-from contactsense.localization.single_contact_problem import SingleContactProblem
-from contactsense.multi_contact.buffers import Measurement, MultiContactBuffers
+from contactsense.localization.problem.searched_surface import SearchArrays
+from contactsense.localization.problem.single_contact_problem import SingleContactProblem
+from contactsense.localization.surface.primitive_frames import place_primitives
 from contactsense.multi_contact.contact_set_search import Sought, search_contact_sets
 from contactsense.multi_contact.further_contact import SingleContactSearch
-from contactsense.multi_contact.known_rows import Known
+from contactsense.multi_contact.joint.known_rows import Known
+from contactsense.multi_contact.likelihood.sample_likelihood import SampleModel, transform_samples
 from contactsense.multi_contact.measurement_rows import Variances, fill_measurement_rows, rank_of
-from contactsense.multi_contact.sample_likelihood import SampleModel, transform_samples
-from contactsense.multi_contact.seeding_prior import estimate_force_scale
+from contactsense.multi_contact.memory.buffers import Measurement, MultiContactBuffers
+from contactsense.multi_contact.seeding.seeding_prior import estimate_force_scale
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.signed_distance_grid import Grids, Skin
 from contactsense.runtime.buffers import Buffers, buffer_views

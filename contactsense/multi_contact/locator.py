@@ -7,15 +7,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from contactsense.multi_contact.arguments import check_arguments
-from contactsense.multi_contact.buffers import (
+from contactsense.multi_contact.contact_set_builder import ContactSetBuilder, ContactSets
+from contactsense.multi_contact.explanations.marginal_probabilities import state_marginal_probabilities
+from contactsense.multi_contact.kernels import explain_contact_sets
+from contactsense.multi_contact.memory.buffers import (
     MAX_CONTACTS,
     MAX_EXPLANATIONS,
     Explanations,
     empty_multi_contact_buffers,
 )
-from contactsense.multi_contact.contact_set_builder import ContactSetBuilder, ContactSets
-from contactsense.multi_contact.kernels import explain_contact_sets
-from contactsense.multi_contact.marginal_probabilities import state_marginal_probabilities
 from contactsense.output.estimate_builder import EstimateBuilder
 from contactsense.robots.jit.direct_call import direct_call
 from contactsense.robots.surface.signed_distance_grid import Skin

@@ -15,7 +15,7 @@ import numpy as np
 from contactsense.isolation.link_hypotheses import SensorModel
 from contactsense.kinematics.model import Motion
 from contactsense.kinematics.spatial import component_about
-from contactsense.multi_contact.buffers import Measurement, MeasurementRows
+from contactsense.multi_contact.memory.buffers import Measurement, MeasurementRows
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import fused_kernel
 from contactsense.sensors.usable_sensors import Usable

@@ -6,7 +6,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from contactsense.isolation.link_hypotheses import Hypotheses
-from contactsense.localization.candidate_buffers import MAX_CANDIDATES
+from contactsense.localization.candidates.candidate_buffers import MAX_CANDIDATES
 from contactsense.robots.jit.declaration import Floats, Integers
 from contactsense.robots.jit.kernel import kernel
 from contactsense.runtime.result_rows import FIRST_POINT, PROBABILITY, TORSION, WIDTH

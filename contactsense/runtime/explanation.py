@@ -4,10 +4,10 @@ import numpy as np
 
 from contactsense.isolation.link_hypotheses import isolate
 from contactsense.kinematics.spatial import dot6
-from contactsense.localization.mixture_reduction import merge_overlapping
+from contactsense.localization.candidates.mixture_reduction import merge_overlapping
+from contactsense.localization.problem.searched_surface import SearchArrays, SearchedSurface
+from contactsense.localization.problem.single_contact_problem import SingleContactProblem
 from contactsense.localization.ranking import locate_contacts
-from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
-from contactsense.localization.single_contact_problem import SingleContactProblem
 from contactsense.robots.jit.kernel import inlined_kernel, kernel
 from contactsense.robots.surface.signed_distance_grid import Grids, Skin
 from contactsense.runtime.buffers import Buffers, buffer_views

@@ -6,9 +6,9 @@ from typing import Annotated, NamedTuple
 
 from contactsense.isolation.link_hypotheses import Hypotheses, SensorRows
 from contactsense.kinematics.model import Model, Motion
-from contactsense.localization.candidate_buffers import MAX_CANDIDATES, Candidates
-from contactsense.localization.primitive_frames import PrimitiveFrames
-from contactsense.localization.surface_cells import SurfaceCells
+from contactsense.localization.candidates.candidate_buffers import MAX_CANDIDATES, Candidates
+from contactsense.localization.problem.surface_cells import SurfaceCells
+from contactsense.localization.surface.primitive_frames import PrimitiveFrames
 from contactsense.residuals.bias_filter import BiasFilter
 from contactsense.residuals.friction_at_rest import FrictionAtRest
 from contactsense.residuals.inertia_torque import InertiaTorque

@@ -9,11 +9,15 @@ from contactsense.detection.thresholds import STEPS, stream_thresholds
 from contactsense.isolation.link_hypotheses import SensorModel
 from contactsense.kinematics.model import Model
 from contactsense.kinematics.wrench_transform import wrench_transform
-from contactsense.localization.local_prior import DeviationCells
-from contactsense.localization.mean_surface import with_deviations
-from contactsense.localization.surface_blocks import SurfaceBlocks, surface_blocks
-from contactsense.localization.surface_moments import SurfaceMoments
-from contactsense.localization.surface_samples import SurfaceSamples, SurfaceSubsamples, sample_surface
+from contactsense.localization.surface.local_prior import DeviationCells
+from contactsense.localization.surface.mean_surface import with_deviations
+from contactsense.localization.surface.surface_blocks import SurfaceBlocks, surface_blocks
+from contactsense.localization.surface.surface_moments import SurfaceMoments
+from contactsense.localization.surface.surface_samples import (
+    SurfaceSamples,
+    SurfaceSubsamples,
+    sample_surface,
+)
 from contactsense.residuals.joint_friction import JointTorqueModel, joint_torque_model
 from contactsense.robots.jit.declaration import Floats, Integers
 from contactsense.robots.surface.convex_primitives import Surfaces

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contactsense.localization.local_prior import LONG_TAILS, DeviationCells, no_cells
-from contactsense.localization.mean_surface import CELL_SPREAD
+from contactsense.localization.surface.local_prior import LONG_TAILS, DeviationCells, no_cells
+from contactsense.localization.surface.mean_surface import CELL_SPREAD
 from contactsense.robots.deviation_table import read_cells
 from contactsense.robots.robot import LocalDeviation
 from contactsense.robots.rotations import rotation_from_rpy, rotation_from_vector

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contactsense.localization.surface_moments import SurfaceMoments, moments_of_points
-from contactsense.localization.surface_samples import surface_patches
+from contactsense.localization.surface.surface_moments import SurfaceMoments, moments_of_points
+from contactsense.localization.surface.surface_samples import surface_patches
 from contactsense.scene import Scene
 from contactsense.scene_model.scene_surfaces import scene_surfaces, touchable_links
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from contactsense.localization.surface_samples import SurfaceSamples
+from contactsense.localization.surface.surface_samples import SurfaceSamples
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.scene import Scene
 

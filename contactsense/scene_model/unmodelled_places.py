@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from contactsense.localization.surface_moments import SurfaceMoments, moments_of_points
-from contactsense.localization.surface_samples import SurfaceSamples
+from contactsense.localization.surface.surface_moments import SurfaceMoments, moments_of_points
+from contactsense.localization.surface.surface_samples import SurfaceSamples
 from contactsense.robots.surface.convex_primitives import Surfaces
 
 SHARE_PER_SQUARED_TILT = 0.2

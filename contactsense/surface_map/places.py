@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense.kinematics.model import Motion
-from contactsense.localization.surface_samples import MOUNTING_HEIGHT, SurfaceSamples, cover_distances
+from contactsense.localization.surface.surface_samples import MOUNTING_HEIGHT, SurfaceSamples, cover_distances
 from contactsense.robots.rotations import symmetric
 from contactsense.robots.surface.convex_primitives import Surfaces, curvature
 from contactsense.robots.surface.signed_distance_grid import Grids, intersect_skin

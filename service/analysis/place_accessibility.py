@@ -1,20 +1,20 @@
 """How much of the neighbourhood of a place can be touched while a contact lasts: the rule of
-`contactsense.localization.accessibility` for a place estimated from all samples of a contact."""
+`contactsense.localization.candidates.accessibility` for a place estimated from all samples of a contact."""
 
 import math
 
 import numpy as np
 
 from contactsense.kinematics.model import Motion
-from contactsense.localization.accessibility import (
+from contactsense.localization.candidates.accessibility import (
     accessible_share,
     clearance,
     is_mounting_face,
 )
-from contactsense.localization.local_prior import DeviationCells
-from contactsense.localization.placed_surface import PlacedSurface
-from contactsense.localization.primitive_frames import PrimitiveFrames, place_primitives
-from contactsense.localization.simd_neighbourhood import QUADRATURE_POINTS, QUADRATURE_WEIGHTS
+from contactsense.localization.candidates.simd_neighbourhood import QUADRATURE_POINTS, QUADRATURE_WEIGHTS
+from contactsense.localization.surface.local_prior import DeviationCells
+from contactsense.localization.surface.placed_surface import PlacedSurface
+from contactsense.localization.surface.primitive_frames import PrimitiveFrames, place_primitives
 from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.convex_primitives import Surfaces

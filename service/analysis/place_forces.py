@@ -11,8 +11,8 @@ import numpy as np
 
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import Model, empty_motion
-from contactsense.localization.force_at_place import FIXED_SPREAD, forces_at_places
-from contactsense.localization.simd_layout import LENGTH
+from contactsense.localization.surface.simd_layout import LENGTH
+from contactsense.localization.surface_search.force_at_place import FIXED_SPREAD, forces_at_places
 from contactsense.runtime.result_rows import FORCE, LINK, TORSION
 from contactsense.scene_model.constants import Constants
 from contactsense.service.analysis.contact_history import ContactHistory

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from contactsense.localization.surface_samples import sample_surface
+from contactsense.localization.surface.surface_samples import sample_surface
 from contactsense.plausibility.largest_reading import (
     RAMP_TIME,
     joints_of_unknown_speed,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from contactsense import Localizer, Scene, SceneError
-from contactsense.localization.surface_samples import cover_distances
+from contactsense.localization.surface.surface_samples import cover_distances
 from contactsense.readings import forward_model
 from contactsense.robots.link_poses import link_poses
 from contactsense.robots.primitives import Box, Cylinder, Sphere

@@ -22,7 +22,7 @@ from contactsense.benchmarks.posterior.patch_posterior import (
 )
 from contactsense.benchmarks.posterior.samples import Samples, of_primitives
 from contactsense.benchmarks.posterior.table import Skins, rows, table
-from contactsense.localization.surface_samples import surface_patches
+from contactsense.localization.surface.surface_samples import surface_patches
 from contactsense.scene_model.constants import build_constants
 from tests.shared import shared
 

@@ -1,8 +1,8 @@
 """The problem and the arrays of a localizer's latest measurement, as the searches for a contact take them."""
 
 from contactsense import Localizer
-from contactsense.localization.searched_surface import SearchArrays, SearchedSurface
-from contactsense.localization.single_contact_problem import SingleContactProblem
+from contactsense.localization.problem.searched_surface import SearchArrays, SearchedSurface
+from contactsense.localization.problem.single_contact_problem import SingleContactProblem
 
 
 def latest_search(localizer: Localizer) -> tuple[SingleContactProblem, SearchArrays]:

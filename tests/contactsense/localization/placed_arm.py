@@ -3,8 +3,8 @@
 import numpy as np
 
 from contactsense.kinematics.momenta import kinematics_and_momenta
-from contactsense.localization.placed_surface import PlacedSurface
-from contactsense.localization.primitive_frames import place_primitives
+from contactsense.localization.surface.placed_surface import PlacedSurface
+from contactsense.localization.surface.primitive_frames import place_primitives
 from contactsense.runtime.state import State, empty_state
 from contactsense.scene_model.constants import Constants
 

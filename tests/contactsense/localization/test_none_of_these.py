@@ -13,7 +13,7 @@ from contactsense.localization.none_of_these import (
     NONE_OF_THESE_PROBABILITY,
     none_of_these_evidence,
 )
-from contactsense.localization.surface_moments import BROAD_FORCE, SMALLEST_MOMENT, SurfaceMoments
+from contactsense.localization.surface.surface_moments import BROAD_FORCE, SMALLEST_MOMENT, SurfaceMoments
 from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.solvers.posterior.contact_prior import Prior, SearchBuffers
 from contactsense.solvers.posterior.mode import ENERGY_CUTOFF

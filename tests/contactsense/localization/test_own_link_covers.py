@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from contactsense import JointTorqueSensor, Localizer, Scene, WrenchSensor
-from contactsense.localization.accessibility import OWN_CLEARANCE, clearance
-from contactsense.localization.placed_surface import PlacedSurface
+from contactsense.localization.candidates.accessibility import OWN_CLEARANCE, clearance
+from contactsense.localization.surface.placed_surface import PlacedSurface
 from contactsense.readings import forward_model
 from contactsense.robots.primitives import Box
 from contactsense.robots.surface.union import distances

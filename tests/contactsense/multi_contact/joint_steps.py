@@ -8,16 +8,16 @@ arrays.
 import math
 from dataclasses import dataclass
 
-from contactsense.localization.placed_surface import PlacedSurface
-from contactsense.multi_contact.buffers import MultiContactBuffers
-from contactsense.multi_contact.joint_energy import linearize
-from contactsense.multi_contact.joint_optimization import find_joint_modes, take_rows
-from contactsense.multi_contact.joint_problem import JointProblem
-from contactsense.multi_contact.known_components import fill_component_priors
-from contactsense.multi_contact.known_place_mixture import divide_known_places
-from contactsense.multi_contact.known_prior import fill_known_prior
-from contactsense.multi_contact.known_rows import Known, KnownRows
-from contactsense.multi_contact.set_evidence import known_evidence
+from contactsense.localization.surface.placed_surface import PlacedSurface
+from contactsense.multi_contact.explanations.set_evidence import known_evidence
+from contactsense.multi_contact.joint.joint_energy import linearize
+from contactsense.multi_contact.joint.joint_optimization import find_joint_modes, take_rows
+from contactsense.multi_contact.joint.joint_problem import JointProblem
+from contactsense.multi_contact.joint.known_rows import Known, KnownRows
+from contactsense.multi_contact.known_contacts.known_components import fill_component_priors
+from contactsense.multi_contact.known_contacts.known_place_mixture import divide_known_places
+from contactsense.multi_contact.known_contacts.known_prior import fill_known_prior
+from contactsense.multi_contact.memory.buffers import MultiContactBuffers
 from contactsense.robots.jit.kernel import fused_kernel
 
 LINEARIZE, OPTIMIZE, KNOWN_PRIOR, KNOWN_EVIDENCE, COMPONENT_PRIORS, DIVIDE = range(6)

@@ -5,8 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from contactsense import Scene
-from contactsense.multi_contact.buffers import Measurement, MultiContactBuffers, empty_multi_contact_buffers
-from contactsense.multi_contact.sample_likelihood import SampleModel
+from contactsense.multi_contact.likelihood.sample_likelihood import SampleModel
+from contactsense.multi_contact.memory.buffers import (
+    Measurement,
+    MultiContactBuffers,
+    empty_multi_contact_buffers,
+)
 from contactsense.scene_model.constants import build_constants
 from tests.plain_arm import plain_ur5e
 

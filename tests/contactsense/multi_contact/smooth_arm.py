@@ -6,18 +6,18 @@ import numpy as np
 
 from contactsense import Localizer, Scene
 from contactsense.benchmarks.multi_contact.trials import Trial, Trials
-from contactsense.localization.placed_surface import PlacedSurface
-from contactsense.localization.primitive_frames import place_primitives
-from contactsense.multi_contact.buffers import (
+from contactsense.localization.surface.placed_surface import PlacedSurface
+from contactsense.localization.surface.primitive_frames import place_primitives
+from contactsense.multi_contact.joint.contact_step import set_contact, vector_of
+from contactsense.multi_contact.joint.joint_problem import JointProblem
+from contactsense.multi_contact.joint.known_rows import KnownRows
+from contactsense.multi_contact.measurement_rows import Variances, fill_measurement_rows
+from contactsense.multi_contact.memory.buffers import (
     Measurement,
     MultiContactBuffers,
     empty_multi_contact_buffers,
 )
-from contactsense.multi_contact.contact_step import set_contact, vector_of
-from contactsense.multi_contact.joint_layout import FX, PX
-from contactsense.multi_contact.joint_problem import JointProblem
-from contactsense.multi_contact.known_rows import KnownRows
-from contactsense.multi_contact.measurement_rows import Variances, fill_measurement_rows
+from contactsense.multi_contact.memory.joint_layout import FX, PX
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.primitives import Capsule, Ellipsoid, Primitive, Sphere
 from contactsense.robots.surface.convex_primitives import project

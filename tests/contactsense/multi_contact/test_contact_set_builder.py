@@ -5,7 +5,7 @@ import pytest
 
 from contactsense import Scene, WrenchSensor
 from contactsense.multi_contact.contact_set_builder import ContactSetBuilder, ContactSets, _largest_deviation
-from contactsense.multi_contact.marginal_probabilities import (
+from contactsense.multi_contact.explanations.marginal_probabilities import (
     SAME_POINT_DISTANCE,
     state_marginal_probabilities,
 )

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from contactsense.multi_contact.buffers import Explanations
-from contactsense.multi_contact.ranked_sets import order_distinct, share_evidence
+from contactsense.multi_contact.explanations.ranked_sets import order_distinct, share_evidence
+from contactsense.multi_contact.memory.buffers import Explanations
 from contactsense.robots.jit.flat_buffers import zeros
 
 pytestmark = pytest.mark.slow  # its kernels compile for long

@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 
 from contactsense import Scene
-from contactsense.multi_contact.buffers import empty_multi_contact_buffers
-from contactsense.multi_contact.contact_step import move_to_cells, set_contact, vector_of
-from contactsense.multi_contact.joint_layout import (
+from contactsense.multi_contact.explanations.stored_explanations import store_explanation
+from contactsense.multi_contact.joint.contact_step import move_to_cells, set_contact, vector_of
+from contactsense.multi_contact.memory.buffers import empty_multi_contact_buffers
+from contactsense.multi_contact.memory.joint_layout import (
     ENERGY,
     FRICTION_RATIO,
     FX,
@@ -17,7 +18,6 @@ from contactsense.multi_contact.joint_layout import (
     TILT,
     TORSION,
 )
-from contactsense.multi_contact.stored_explanations import store_explanation
 from contactsense.robots.jit.lanes import LANES
 from contactsense.robots.surface.convex_primitives import project
 from contactsense.scene_model.constants import build_constants

@@ -7,8 +7,12 @@ import pytest
 
 from contactsense import Localizer, Scene, WrenchSensor
 from contactsense.kinematics.momenta import kinematics_and_momenta
-from contactsense.multi_contact.buffers import Measurement, MultiContactBuffers, empty_multi_contact_buffers
 from contactsense.multi_contact.measurement_rows import Variances, fill_measurement_rows, rank_of
+from contactsense.multi_contact.memory.buffers import (
+    Measurement,
+    MultiContactBuffers,
+    empty_multi_contact_buffers,
+)
 from contactsense.robots.primitives import Capsule
 from contactsense.robots.tool import Tool
 from contactsense.runtime.state import State

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from contactsense import Localizer, Scene, SceneError, robots
-from contactsense.localization.local_prior import DeviationCells
+from contactsense.localization.surface.local_prior import DeviationCells
 from contactsense.robots import Link, Robot
 from contactsense.robots.primitives import Box, Vector
 from contactsense.robots.robot import LocalDeviation

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from contactsense.kinematics.model import empty_motion
-from contactsense.localization.local_prior import no_cells
+from contactsense.localization.surface.local_prior import no_cells
 from contactsense.robots.primitives import Box
 from contactsense.robots.robot import Inertia, Link
 from contactsense.robots.surface.convex_primitives import Surfaces, pack
