@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from contactsense.robots.errors import RobotError
-from contactsense.robots.file_model import FileModel
+from contactsense.robots.files.file_model import FileModel
 from contactsense.robots.link_poses import link_poses
 from contactsense.robots.robot import Robot
 from contactsense.robots.rotations import rotation_from_rpy

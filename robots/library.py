@@ -87,18 +87,18 @@ def from_urdf(path: str | Path, tip: str | None = None, name: str | None = None)
             missing; the message names what.
     """
     try:
-        from contactsense.robots import urdf
+        from contactsense.robots.urdf.read_urdf import from_urdf as read
     except ImportError as error:
         raise RobotError(
             f"{path}: a URDF needs the extra packages: {install_command('geometry')} ({error})"
         ) from error
     surface = Path(path).with_suffix(".surface.yaml")
     if not surface.exists():
-        return urdf.from_urdf(path, tip, name)
+        return read(path, tip, name)
     fitted = schema.read_surface(surface).tip
     if tip is not None and fitted not in (None, tip):
         raise SurfaceFileError(f"{surface}: tip: expected {tip}, but it was made for {fitted}")
-    return schema.with_surface(urdf.from_urdf(path, fitted or tip, name), surface)
+    return schema.with_surface(read(path, fitted or tip, name), surface)
 
 
 def in_library(robot: Robot) -> bool:

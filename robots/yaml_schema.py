@@ -21,16 +21,16 @@ from pydantic import (
     model_validator,
 )
 
-from contactsense.robots import yaml_fields
-from contactsense.robots.deviation_table import read_cells
 from contactsense.robots.errors import RobotError, SurfaceFileError
-from contactsense.robots.field_errors import joined, reasons
-from contactsense.robots.file_model import FileModel
-from contactsense.robots.primitive_extent import beyond
-from contactsense.robots.primitives import Primitive, Vector
+from contactsense.robots.files import yaml_fields
+from contactsense.robots.files.field_errors import joined, reasons
+from contactsense.robots.files.file_model import FileModel
 from contactsense.robots.principal_moments import check_principal_moments
 from contactsense.robots.robot import Inertia, Joint, Link, Robot
 from contactsense.robots.rotations import rotation_from_rpy, symmetric
+from contactsense.robots.surface.deviation_table import read_cells
+from contactsense.robots.surface.primitive_extent import beyond
+from contactsense.robots.surface.primitives import Primitive, Vector
 from contactsense.robots.units import FURTHEST, in_metres, within_one_turn
 
 Place = Annotated[Vector, AfterValidator(in_metres)]
@@ -135,7 +135,8 @@ class LinkSurface(FileModel):
     fine: tuple[Primitive, ...] = Field(min_length=1)
     coarse: tuple[Primitive, ...] = Field(min_length=1)
     fine_deviation: str = ""
-    """How far the real surface is from the fine primitives, see `contactsense.robots.deviation_table`."""
+    """How far the real surface is from the fine primitives, see
+    `contactsense.robots.surface.deviation_table`."""
     coarse_deviation: str = ""
     """The same for the coarse primitives, with the mean motion of the surface."""
 

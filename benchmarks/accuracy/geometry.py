@@ -76,7 +76,7 @@ def _measure(robot: Robot, folder: Path) -> list[dict[str, Any]]:
         errors,
         together,
     )
-    from contactsense.robots.meshes import from_folder
+    from contactsense.robots.urdf.meshes import from_folder
 
     meshes = from_folder(folder, robot.link_names)
     grids = cached(robot, meshes)

@@ -32,7 +32,7 @@ def measure_links(robot: Robot, folder: Path) -> list[dict[str, Any]]:
     from contactsense.robots.decomposition.neighbour_poses import neighbour_poses
     from contactsense.robots.decomposition.outer_skin import Surroundings, outer_skin
     from contactsense.robots.decomposition.surface_error import bodies_of, errors
-    from contactsense.robots.meshes import from_folder
+    from contactsense.robots.urdf.meshes import from_folder
 
     meshes = from_folder(folder, robot.link_names)
     rows: list[dict[str, Any]] = []

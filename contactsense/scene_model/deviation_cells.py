@@ -8,10 +8,10 @@ import numpy as np
 
 from contactsense.localization.surface.local_prior import LONG_TAILS, DeviationCells, no_cells
 from contactsense.localization.surface.mean_surface import CELL_SPREAD
-from contactsense.robots.deviation_table import read_cells
 from contactsense.robots.robot import LocalDeviation
 from contactsense.robots.rotations import rotation_from_rpy, rotation_from_vector
 from contactsense.robots.surface.convex_primitives import Surfaces, project
+from contactsense.robots.surface.deviation_table import read_cells
 from contactsense.scene import Scene
 
 CELL_RADIUS = math.sqrt(6.0) * CELL_SPREAD

@@ -14,8 +14,8 @@ from contactsense.robots.decomposition.least_squares_fit import Bodies
 from contactsense.robots.decomposition.neighbour_poses import neighbour_poses
 from contactsense.robots.decomposition.outer_skin import outer_skin
 from contactsense.robots.decomposition.surface_error import packed
-from contactsense.robots.rendering import COLOURS, View, caption, save, side_by_side
 from contactsense.robots.robot import Robot
+from contactsense.robots.surface.rendering import COLOURS, View, caption, save, side_by_side
 from contactsense.robots.surface.union import distances
 
 SPAN = 0.005

@@ -11,10 +11,10 @@ from contactsense import robots
 from contactsense.robots import Joint, Link, Robot, RobotError
 from contactsense.robots.decomposition.grid_builder import cached
 from contactsense.robots.library import MESH_SUFFIXES, URDF_SUFFIXES, in_library
-from contactsense.robots.meshes import check_unit, from_folder, read_mesh
 from contactsense.robots.robot import NO_MASS
 from contactsense.robots.surface.signed_distance_grid import Grids
-from contactsense.robots.urdf import Chain, read_chain, read_rigid, visuals
+from contactsense.robots.urdf.meshes import check_unit, from_folder, read_mesh
+from contactsense.robots.urdf.read_urdf import Chain, read_chain, read_rigid, visuals
 
 _AIRO_LINKS = {"base": "base_link_inertia"}
 """Links of PyPI's airo-models whose names differ from ours by more than a suffix."""

@@ -7,10 +7,18 @@ import numpy as np
 import yaml
 
 from contactsense.robots.decomposition.least_squares_fit import Bodies
-from contactsense.robots.primitives import Box, Capsule, Cylinder, Ellipsoid, Primitive, Sphere, Vector
 from contactsense.robots.robot import Inertia
 from contactsense.robots.rotations import rpy_from_rotation
 from contactsense.robots.surface.convex_primitives import ELLIPSOID, REVOLVED
+from contactsense.robots.surface.primitives import (
+    Box,
+    Capsule,
+    Cylinder,
+    Ellipsoid,
+    Primitive,
+    Sphere,
+    Vector,
+)
 
 _TINY = 2e-5
 """Dimensions of a core below this count as zero [m]."""
@@ -93,7 +101,7 @@ def text(
         comments: Lines at the start of the file.
         seconds: Duration of the fit [s].
         tip: Last link of the arm in its URDF, if it was named.
-        deviations: Link name -> level -> `contactsense.robots.deviation_table.lines`.
+        deviations: Link name -> level -> `contactsense.robots.surface.deviation_table.lines`.
     """
     lines = _commented(comments)
     lines += [
@@ -122,7 +130,7 @@ def tool_text(
         name: Of the tool.
         body: Its inertia.
         shapes: Its primitives.
-        cells: `contactsense.robots.deviation_table.lines`.
+        cells: `contactsense.robots.surface.deviation_table.lines`.
         comments: Lines at the start.
     """
     lines = _commented(comments)

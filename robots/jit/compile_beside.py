@@ -17,7 +17,7 @@ from typing import Any
 import numba
 from numba.core import event
 
-from contactsense.robots.file_lock import AVAILABLE
+from contactsense.robots.files.file_lock import AVAILABLE
 from contactsense.robots.jit.compilation import COMPILE_EVENT, elsewhere, is_cached, name_of
 from contactsense.robots.jit.kernel import Kernel
 

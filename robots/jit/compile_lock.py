@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from contactsense.robots.file_lock import lock
+from contactsense.robots.files.file_lock import lock
 
 PATIENCE = 300.0
 """A process that waits for longer compiles by itself [s]: the other one may have been stopped. No kernel

@@ -12,9 +12,9 @@ from zipfile import BadZipFile
 import numpy as np
 
 from contactsense.robots.errors import RobotError
+from contactsense.robots.files.whole_file import whole_file
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.vectors import Vector, add_scaled, divide, dot, norm
-from contactsense.robots.whole_file import whole_file
 
 BAND = 0.02
 """Distances are clipped to this range on both sides [m]; the skin is searched from points near it."""

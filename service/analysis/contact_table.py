@@ -8,7 +8,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.csv as pa_csv
 
-from contactsense.robots.whole_file import whole_file
+from contactsense.robots.files.whole_file import whole_file
 from contactsense.service.analysis.contact_columns import AXES, PAIRS, contact_schema
 from contactsense.service.analysis.contact_summary import ContactSummary
 from contactsense.service.recordings.parquet_files import write_parquet

@@ -6,7 +6,7 @@ from typing import Self
 
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, ValidationError, model_validator
 
-from contactsense.robots.yaml_fields import read_fields
+from contactsense.robots.files.yaml_fields import read_fields
 from contactsense.scene import describe
 from contactsense.service.analysis.contact_summary import ContactSummary
 

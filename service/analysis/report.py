@@ -11,7 +11,7 @@ import numpy as np
 from markupsafe import Markup
 
 from contactsense.detection.thresholds import sensor_set, stream_thresholds, threshold_index
-from contactsense.robots.whole_file import write_text
+from contactsense.robots.files.whole_file import write_text
 from contactsense.scene import Scene
 from contactsense.service.analysis.analysis import Analysis
 from contactsense.service.analysis.assumptions import assumptions

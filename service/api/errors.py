@@ -9,7 +9,7 @@ from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 from starlette.requests import HTTPConnection
 
-from contactsense.robots.field_errors import joined, reasons
+from contactsense.robots.files.field_errors import joined, reasons
 from contactsense.service.api.json_route import BodyObjectError
 from contactsense.service.api.messages import ErrorOut, FieldError
 

@@ -8,7 +8,7 @@ from fastapi import WebSocket
 from fastapi.exceptions import RequestValidationError, WebSocketRequestValidationError
 from starlette.requests import HTTPConnection
 
-from contactsense.robots.near_names import did_you_mean
+from contactsense.robots.files.near_names import did_you_mean
 
 TOKEN = "token"
 """Parameter by which a WebSocket may send its token; see `contactsense.service.api.access`."""

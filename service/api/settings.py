@@ -17,7 +17,7 @@ from pydantic import (
     ValidationError,
 )
 
-from contactsense.robots.field_errors import Place, joined
+from contactsense.robots.files.field_errors import Place, joined
 from contactsense.scene import describe
 from contactsense.service.api.access import host_names, page_origins
 from contactsense.service.api.token_file import check_token

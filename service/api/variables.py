@@ -4,8 +4,8 @@ import contextlib
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-from contactsense.robots.field_errors import Place, joined
-from contactsense.robots.near_names import did_you_mean
+from contactsense.robots.files.field_errors import Place, joined
+from contactsense.robots.files.near_names import did_you_mean
 from contactsense.service.json_objects import parse_json
 
 PREFIX = "CONTACTSENSE_"

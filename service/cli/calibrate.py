@@ -18,8 +18,8 @@ from contactsense.calibration import calibrate as run
 from contactsense.plausibility.plausible_limits import PlausibleLimits
 from contactsense.robots.extras import install_command
 from contactsense.robots.file_references import moved
-from contactsense.robots.whole_file import write_text
-from contactsense.robots.yaml_fields import read_fields
+from contactsense.robots.files.whole_file import write_text
+from contactsense.robots.files.yaml_fields import read_fields
 from contactsense.scene import Scene, SceneError
 from contactsense.service.cli.calibration_doubts import doubts
 from contactsense.service.cli.calibration_page import Section, channels, page, reasons_against

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from contactsense.robots import Robot, RobotError
-from contactsense.robots.deviation_table import lines
+from contactsense.robots.surface.deviation_table import lines
 from contactsense.robots.yaml_schema import read_surface
 
 if TYPE_CHECKING:

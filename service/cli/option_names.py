@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable
 
 import click
 
-from contactsense.robots.field_errors import Place, joined
+from contactsense.robots.files.field_errors import Place, joined
 from contactsense.service.api.settings import OptionsError
 from contactsense.service.viewer.service_calls import UrlError
 

@@ -11,7 +11,7 @@ import click
 
 from contactsense import robots
 from contactsense.robots.file_references import moved
-from contactsense.robots.whole_file import write_text
+from contactsense.robots.files.whole_file import write_text
 from contactsense.scene import LinkPrior, Scene, SceneError
 from contactsense.sensors.settings import CURRENTS, JointTorqueSignal
 from contactsense.service.cli.number_list import Numbers

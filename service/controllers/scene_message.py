@@ -9,7 +9,7 @@ from typing import Any
 from contactsense import robots
 from contactsense.robots import Robot, RobotError
 from contactsense.robots.errors import SurfaceFileError
-from contactsense.robots.field_errors import joined
+from contactsense.robots.files.field_errors import joined
 from contactsense.scene import Scene, SceneError
 from contactsense.service.controllers.sample_message import MessageError
 

@@ -6,7 +6,7 @@ import matplotlib as mpl
 import numpy as np
 
 from contactsense.robots import Robot
-from contactsense.robots.rendering import COLOURS, render_arm
+from contactsense.robots.surface.rendering import COLOURS, render_arm
 from contactsense.service.drawing.figure_style import figure_style
 
 _DENSITY = 100.0

@@ -8,7 +8,7 @@ import numpy as np
 
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import empty_motion
-from contactsense.robots.rendering import View, at_pose, side_by_side
+from contactsense.robots.surface.rendering import View, at_pose, side_by_side
 from contactsense.scene import Scene
 from contactsense.scene_model.constants import build_constants
 from contactsense.service.drawing.figure_style import figure_style

@@ -20,7 +20,7 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, PositiveFloat
 
-from contactsense.robots.file_lock import AVAILABLE, lock
+from contactsense.robots.files.file_lock import AVAILABLE, lock
 from contactsense.service.events.clock_step import ClockStep
 from contactsense.service.events.model import ContactEvent
 

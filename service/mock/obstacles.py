@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, NonNegativeFloat, PositiveFloat, model_validator
 
-from contactsense.robots.file_model import FileModel
+from contactsense.robots.files.file_model import FileModel
 from contactsense.robots.units import within_one_turn
 
 Vector = tuple[float, float, float]

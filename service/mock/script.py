@@ -14,9 +14,9 @@ from pydantic import (
     model_validator,
 )
 
-from contactsense.robots.field_errors import describe
-from contactsense.robots.file_model import FileModel
-from contactsense.robots.yaml_fields import fields_in, read_fields
+from contactsense.robots.files.field_errors import describe
+from contactsense.robots.files.file_model import FileModel
+from contactsense.robots.files.yaml_fields import fields_in, read_fields
 from contactsense.service.mock.obstacles import Obstacle
 from contactsense.service.mock.urscript_functions import WatchdogAction, input_field
 

@@ -14,9 +14,9 @@ from pydantic import (
     model_validator,
 )
 
-from contactsense.robots.file_model import FileModel
+from contactsense.robots.files.file_model import FileModel
+from contactsense.robots.files.yaml_fields import read_fields
 from contactsense.robots.units import in_metres
-from contactsense.robots.yaml_fields import read_fields
 from contactsense.scene import Scene, describe
 from contactsense.scene_model.reading_limits import LARGEST_FORCE
 from contactsense.service.reactions.actions import Action

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError
 
-from contactsense.robots.yaml_fields import read_fields
+from contactsense.robots.files.yaml_fields import read_fields
 from contactsense.scene import describe
 from contactsense.sensors.link_values import column_of
 

@@ -10,7 +10,7 @@ import pyarrow as pa
 import pyarrow.csv as pa_csv
 
 from contactsense.robots.extras import install_command
-from contactsense.robots.whole_file import whole_file
+from contactsense.robots.files.whole_file import whole_file
 from contactsense.scene import Scene
 from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
 from contactsense.scene_model.wrench_map import WrenchMap

@@ -5,7 +5,7 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pa_parquet
 
-from contactsense.robots.whole_file import whole_file
+from contactsense.robots.files.whole_file import whole_file
 
 
 def write_parquet(table: pa.Table, path: Path) -> None:

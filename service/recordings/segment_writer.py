@@ -23,7 +23,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pa_parquet
 
-from contactsense.robots.file_lock import AVAILABLE, lock
+from contactsense.robots.files.file_lock import AVAILABLE, lock
 from contactsense.service.live.scheduling import deprioritize
 from contactsense.service.recordings.metadata import creation
 from contactsense.service.recordings.oldest_files import OldestFiles

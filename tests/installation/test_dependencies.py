@@ -27,14 +27,14 @@ NAMED = {
     "pycollada": ("robots/library.py", r'"\.dae"'),
     "rtree": ("benchmarks/accuracy/geometry.py", r"trimesh\.proximity\.closest_point"),
     "fast-simplification": ("service/drawing/visual_meshes.py", r"\.simplify_quadric_decimation"),
-    "networkx": ("tests/robots/test_urdf.py", r"\.split\(only_watertight"),
-    "example-robot-data": ("tests/robots/test_urdf.py", r'files\("example-robot-data"\)'),
+    "networkx": ("tests/robots/urdf/test_read_urdf.py", r"\.split\(only_watertight"),
+    "example-robot-data": ("tests/robots/urdf/test_read_urdf.py", r'files\("example-robot-data"\)'),
     "pytest-timeout": ("pyproject.toml", r"^timeout = \d+"),
     "pytest-xdist": ("Makefile", r"pytest .*-n auto"),
     "ruff": ("Makefile", r"/ruff check"),
     "mypy": ("Makefile", r"/mypy$"),
     "import-linter": ("Makefile", r"/lint-imports"),
-    "types-PyYAML": ("robots/yaml_fields.py", r"^import yaml"),
+    "types-PyYAML": ("robots/files/yaml_fields.py", r"^import yaml"),
     "scipy-stubs": ("contactsense/detection/false_alarm_rate.py", r"^from scipy"),
 }
 """Distribution -> file and text that call for it by a name other than an import."""

@@ -11,9 +11,9 @@ from contactsense.robots.decomposition import mesh_sources
 from contactsense.robots.decomposition.mesh_sources import meshes_of, read_arm, read_tool, skin_grids
 from contactsense.robots.decomposition.yaml_export import text, tool_text
 from contactsense.robots.errors import SurfaceFileError
-from contactsense.robots.meshes import from_folder
-from contactsense.robots.primitives import Sphere
-from tests.robots.test_urdf import JOINT, LINK, arm, write
+from contactsense.robots.surface.primitives import Sphere
+from contactsense.robots.urdf.meshes import from_folder
+from tests.robots.urdf.test_read_urdf import JOINT, LINK, arm, write
 
 SPHERE = Sphere(center=(0.0, 0.0, 0.1), radius=0.05)
 

@@ -164,7 +164,7 @@ def test_a_urdf_without_the_packages_that_read_it_names_the_extra(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delattr(robots, "urdf", raising=False)
-    monkeypatch.setitem(sys.modules, "contactsense.robots.urdf", None)
+    monkeypatch.setitem(sys.modules, "contactsense.robots.urdf.read_urdf", None)
     with pytest.raises(SceneError, match=r"robot: .*arm.urdf: a URDF needs .*pip install '\.\[geometry\]'"):
         Scene(robot=str(tmp_path / "arm.urdf"))
 

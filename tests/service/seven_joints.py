@@ -5,7 +5,7 @@ from pathlib import Path
 import yaml
 
 from contactsense import Scene
-from tests.robots.test_urdf import arm
+from tests.robots.urdf.test_read_urdf import arm
 
 
 def seven_joints(folder: Path) -> Scene:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pyarrow.compute as pc
 
-from contactsense.robots.whole_file import write_text
+from contactsense.robots.files.whole_file import write_text
 from contactsense.scene import Scene
 from contactsense.service.analysis.assumptions import assumptions
 from contactsense.service.analysis.fleet.drawn_arms import drawn_arms, members

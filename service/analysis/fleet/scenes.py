@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from contactsense.robots.whole_file import write_text
+from contactsense.robots.files.whole_file import write_text
 from contactsense.scene import Scene, SceneError
 from contactsense.service.analysis.fleet.named_within import named_within
 from contactsense.service.analysis.fleet.segments import DatasetFile

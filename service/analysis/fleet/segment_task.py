@@ -11,7 +11,7 @@ import pyarrow as pa
 import pyarrow.parquet as pa_parquet
 
 from contactsense import Localizer
-from contactsense.robots.whole_file import whole_file
+from contactsense.robots.files.whole_file import whole_file
 from contactsense.scene import Scene
 from contactsense.sensors.timing import LONGEST_FIRST_STEP
 from contactsense.service.analysis.analysis import AnalysisRun

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field
 
-from contactsense.robots.file_model import FileModel
+from contactsense.robots.files.file_model import FileModel
 from contactsense.service.reactions.actions.time_limit import TimeLimit
 
 Port = Annotated[int, Field(ge=1, le=65535)]

@@ -14,7 +14,7 @@ from click.testing import CliRunner, Result
 from contactsense.benchmarks.truth.arm import read as arm
 from contactsense.benchmarks.truth.command import main
 from contactsense.benchmarks.truth.universal_robots import LINKS
-from contactsense.robots.meshes import from_folder
+from contactsense.robots.urdf.meshes import from_folder
 from contactsense.service.cli.main import cli
 
 ROOT = Path(__file__).parents[3]

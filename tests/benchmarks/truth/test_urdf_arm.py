@@ -13,7 +13,7 @@ from contactsense import robots
 from contactsense.benchmarks.truth import simulation, urdf_arm
 from contactsense.benchmarks.truth.command import main
 from contactsense.robots.link_poses import link_poses
-from contactsense.robots.urdf import read_chain
+from contactsense.robots.urdf.read_urdf import read_chain
 from contactsense.service.cli.main import cli
 
 INERTIAL = (

@@ -11,7 +11,7 @@ from contactsense.benchmarks.accuracy.surface_map import compare, scene_of
 from contactsense.detection.thresholds import SampleThresholds
 from contactsense.robots import load
 from contactsense.robots.link_poses import link_poses
-from contactsense.robots.primitives import Sphere
+from contactsense.robots.surface.primitives import Sphere
 from contactsense.robots.surroundings import Body
 from contactsense.surface_map.smallest_force import detected_size
 from tests.shared import shared

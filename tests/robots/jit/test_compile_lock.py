@@ -9,7 +9,7 @@ from threading import Event, Thread
 import pytest
 
 import contactsense
-from contactsense.robots.file_lock import POLL
+from contactsense.robots.files.file_lock import POLL
 from contactsense.robots.jit.compile_lock import compile_lock
 
 KERNELS = """

@@ -118,7 +118,7 @@ def test_the_scale_of_heat_spans_what_is_known(values: list[float], scale: tuple
 
 
 def test_pictures_of_robots_have_the_same_colours() -> None:
-    rendering = pytest.importorskip("contactsense.robots.rendering")
+    rendering = pytest.importorskip("contactsense.robots.surface.rendering")
     assert [palette.rgb(colour) for colour in palette.LINK_COLOURS] == list(rendering.COLOURS)
 
 

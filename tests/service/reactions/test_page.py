@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from pydantic import BaseModel, ValidationError
 
-from contactsense.robots.field_errors import describe
+from contactsense.robots.files.field_errors import describe
 from contactsense.service.reactions.actions.registers import RegistersAction
 from contactsense.service.reactions.actions.speed_slider import SpeedSliderAction
 from contactsense.service.reactions.page import TABLES, action_tables, reaction_page

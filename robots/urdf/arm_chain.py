@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from contactsense.robots.urdf_document import MOVING, TURNING
+from contactsense.robots.urdf.urdf_document import MOVING, TURNING
 
 
 def way_to(link: str, parent: dict[str, Any]) -> list[Any]:

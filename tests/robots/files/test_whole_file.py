@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from contactsense.robots.whole_file import whole_file, write_text
+from contactsense.robots.files.whole_file import whole_file, write_text
 
 
 def _fill(path: Path) -> None:

@@ -18,7 +18,7 @@ from pydantic import (
     model_validator,
 )
 
-from contactsense.robots.file_model import FileModel
+from contactsense.robots.files.file_model import FileModel
 from contactsense.robots.units import within_one_turn
 
 Vector = tuple[float, float, float]

@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from contactsense.robots.arm_chain import longest_way, way_to
 from contactsense.robots.arm_checks import LIGHT, MOST_RADIANS, PLACEHOLDER
 from contactsense.robots.errors import RobotError
-from contactsense.robots.meshes import check_unit, read_mesh
 from contactsense.robots.principal_moments import check_principal_moments
 from contactsense.robots.robot import NO_MASS, Inertia, Joint, Link, Robot
 from contactsense.robots.tool import join_inertia, move_inertia
-from contactsense.robots.urdf_document import MOVING, TURNING, read_document
+from contactsense.robots.urdf.arm_chain import longest_way, way_to
+from contactsense.robots.urdf.meshes import check_unit, read_mesh
+from contactsense.robots.urdf.urdf_document import MOVING, TURNING, read_document
 
 
 @dataclass(frozen=True, slots=True)

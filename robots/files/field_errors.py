@@ -8,8 +8,8 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from contactsense.robots.field_places import Found, Place, find, places_of
-from contactsense.robots.near_names import did_you_mean, nearest
+from contactsense.robots.files.field_places import Found, Place, find, places_of
+from contactsense.robots.files.near_names import did_you_mean, nearest
 
 __all__ = ["Place", "describe", "joined", "reasons"]
 

@@ -5,9 +5,9 @@ from typing import Annotated, Any, Literal
 import pytest
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, ValidationError
 
-from contactsense.robots.field_errors import describe, joined, reasons
-from contactsense.robots.field_places import find
-from contactsense.robots.near_names import did_you_mean
+from contactsense.robots.files.field_errors import describe, joined, reasons
+from contactsense.robots.files.field_places import find
+from contactsense.robots.files.near_names import did_you_mean
 
 Positive = Annotated[float, Field(gt=0.0)]
 

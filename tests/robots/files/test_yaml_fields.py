@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from contactsense.robots.yaml_fields import fields_in, read_fields
+from contactsense.robots.files.yaml_fields import fields_in, read_fields
 
 
 def test_fields_are_those_of_yaml() -> None:

@@ -10,7 +10,7 @@ from typing import Any, Self, get_args
 
 from pydantic import BaseModel, ConfigDict, model_validator
 
-from contactsense.robots.near_names import did_you_mean
+from contactsense.robots.files.near_names import did_you_mean
 
 
 class FileModel(BaseModel):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from contactsense.robots.meshes import read_mesh
+from contactsense.robots.urdf.meshes import read_mesh
 
 
 @pytest.mark.parametrize(

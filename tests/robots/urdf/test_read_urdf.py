@@ -10,8 +10,8 @@ import trimesh
 
 from contactsense import robots
 from contactsense.robots.link_poses import link_poses
-from contactsense.robots.meshes import from_folder
-from contactsense.robots.urdf import find_mesh, read_chain
+from contactsense.robots.urdf.meshes import from_folder
+from contactsense.robots.urdf.read_urdf import find_mesh, read_chain
 
 LINK = """
   <link name="{name}">
