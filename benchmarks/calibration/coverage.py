@@ -16,7 +16,7 @@ from contactsense.benchmarks import options
 from contactsense.benchmarks.calibration.simulate import simulate
 from contactsense.calibration import Settings, calibrate
 from contactsense.calibration.calibration_model import CalibrationModel
-from contactsense.calibration.fourier_trajectory import FourierTrajectory
+from contactsense.calibration.motion.fourier_trajectory import FourierTrajectory
 from contactsense.calibration.parameters import Group, value
 from contactsense.robots.tool import Tool
 from contactsense.sensors.settings import Friction

@@ -7,7 +7,7 @@ import numpy as np
 
 from contactsense import Localizer, SampleBlock, Scene
 from contactsense.calibration import FreeMotion
-from contactsense.calibration.recording_residuals import settled_samples
+from contactsense.calibration.residuals.recording_residuals import settled_samples
 
 MOVING = 0.05
 """A joint moves if it is faster than this [rad/s]; slower ones are governed by friction at rest."""

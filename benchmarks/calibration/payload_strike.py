@@ -8,7 +8,7 @@ import numpy as np
 from contactsense import Scene
 from contactsense.calibration import FreeMotion
 from contactsense.calibration.calibration_model import CalibrationModel
-from contactsense.calibration.recording_residuals import residuals
+from contactsense.calibration.residuals.recording_residuals import residuals
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import Motion, build_model, empty_motion
 

@@ -24,7 +24,7 @@ from contactsense.calibration import (
     calibrate,
 )
 from contactsense.calibration.calibration_model import CalibrationModel
-from contactsense.calibration.fourier_trajectory import FourierTrajectory
+from contactsense.calibration.motion.fourier_trajectory import FourierTrajectory
 from contactsense.calibration.parameters import value
 
 FORCES = (10.0, 20.0, 40.0, 80.0)

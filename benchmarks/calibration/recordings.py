@@ -24,7 +24,7 @@ from contactsense.benchmarks.calibration.payload_strike import strike
 from contactsense.calibration import Calibration, FreeMotion, Settings, SuspectedContact, calibrate
 from contactsense.calibration.calibration_model import CalibrationModel
 from contactsense.calibration.parameters import Group
-from contactsense.calibration.recording_residuals import residuals, settled_samples
+from contactsense.calibration.residuals.recording_residuals import residuals, settled_samples
 from contactsense.robots.tool import Tool
 from contactsense.service.sensors.signal_mapping import torque_constants
 

@@ -19,7 +19,7 @@ from contactsense.benchmarks.calibration.link_sensor_draws import (
 )
 from contactsense.benchmarks.calibration.simulate import Motion, arm_of, simulate
 from contactsense.calibration import FreeMotion
-from contactsense.calibration.fourier_trajectory import FourierTrajectory
+from contactsense.calibration.motion.fourier_trajectory import FourierTrajectory
 from contactsense.robots.rotations import rpy_from_rotation
 from contactsense.robots.tool import Tool
 from contactsense.sensors.settings import Friction, LinkInertia

@@ -6,7 +6,7 @@ from contactsense.calibration.calibrate import (
     calibrate,
     default_groups,
 )
-from contactsense.calibration.contact_test import SuspectedContact
+from contactsense.calibration.contacts.contact_test import SuspectedContact
 from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.result import Calibration, ResidualStatistics, Value
 

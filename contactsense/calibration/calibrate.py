@@ -1,7 +1,7 @@
 """Calibration from contact-free motion: estimate the identifiable parameters of arm and sensors.
 
-A fit (`contactsense.calibration.gauss_newton`) and a search for contacts in its residuals
-(`contactsense.calibration.contact_test`) take turns until nothing more is left out.
+A fit (`contactsense.calibration.fit.gauss_newton`) and a search for contacts in its residuals
+(`contactsense.calibration.contacts.contact_test`) take turns until nothing more is left out.
 """
 
 from collections.abc import Callable
@@ -10,11 +10,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from contactsense.calibration.calibration_model import CalibrationModel
-from contactsense.calibration.contact_test import SuspectedContact, suspected_contacts
-from contactsense.calibration.equations import all_residuals, measured_channels
+from contactsense.calibration.contacts.contact_test import SuspectedContact, suspected_contacts
+from contactsense.calibration.contacts.trimmed_fit import trimmed_fit
+from contactsense.calibration.fit.gauss_newton import FittedModel, fit_model, row_stride
+from contactsense.calibration.fit.possible_bodies import possible_bodies
 from contactsense.calibration.free_motion import FreeMotion
-from contactsense.calibration.gauss_newton import FittedModel, fit_model, row_stride
-from contactsense.calibration.noise_estimation import JointResiduals, NoiseLevels, estimate_noise
+from contactsense.calibration.noise.noise_estimation import JointResiduals, NoiseLevels, estimate_noise
+from contactsense.calibration.noise.wrench_noise import wrench_noise, wrench_residuals
 from contactsense.calibration.parameters import (
     GROUPS,
     INERTIA_ERROR,
@@ -24,16 +26,14 @@ from contactsense.calibration.parameters import (
     entries,
     value,
 )
-from contactsense.calibration.possible_bodies import possible_bodies
-from contactsense.calibration.recording_residuals import (
+from contactsense.calibration.residuals.equations import all_residuals, measured_channels
+from contactsense.calibration.residuals.recording_residuals import (
     friction,
     settled_samples,
     timing_variance_and_inertia_torque,
 )
 from contactsense.calibration.result import Calibration, Value, residual_statistics, scene_of
 from contactsense.calibration.torque_signal_meaning import compare_meanings, setting_warnings
-from contactsense.calibration.trimmed_fit import trimmed_fit
-from contactsense.calibration.wrench_noise import wrench_noise, wrench_residuals
 from contactsense.residuals.momentum_observer import noise_variance_ratio
 from contactsense.scene import Scene
 from contactsense.sensors.settings import CURRENTS

@@ -7,8 +7,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from contactsense.calibration.calibration_model import MIN_TOOL_MASS, CalibrationModel
-from contactsense.calibration.contact_test import SuspectedContact
-from contactsense.calibration.noise_estimation import NoiseLevels
+from contactsense.calibration.contacts.contact_test import SuspectedContact
+from contactsense.calibration.noise.noise_estimation import NoiseLevels
 from contactsense.calibration.parameters import Entry
 from contactsense.kinematics.regressor import bodies_of
 from contactsense.robots.rotations import rpy_from_rotation
@@ -50,8 +50,9 @@ class ResidualStatistics:
     """Size of a residual."""
 
     rms: np.ndarray
-    """Root mean square of each of C equations (`contactsense.calibration.equations`), shape (C,): joints
-    [Nm], base wrench about its sensor [N, Nm], wrench of each sensor within the arm; NaN without sensor."""
+    """Root mean square of each of C equations (`contactsense.calibration.residuals.equations`), shape (C,):
+    joints [Nm], base wrench about its sensor [N, Nm], wrench of each sensor within the arm; NaN without
+    sensor."""
     tail: np.ndarray
     """99.9 % quantile of the absolute values, shape (C,)."""
 

@@ -6,10 +6,10 @@ from typing import get_args
 import numpy as np
 
 from contactsense.calibration.calibration_model import CalibrationModel
+from contactsense.calibration.fit.robust_least_squares import fit_robust
 from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.parameters import Group, entries
-from contactsense.calibration.residual_jacobian import linearize
-from contactsense.calibration.robust_least_squares import fit_robust
+from contactsense.calibration.residuals.residual_jacobian import linearize
 from contactsense.scene import Scene
 from contactsense.sensors.settings import Meaning
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from contactsense.calibration.free_motion import FreeMotion
-from contactsense.calibration.recording_residuals import GAP
+from contactsense.calibration.residuals.recording_residuals import GAP
 
 BANDWIDTH = 2.0
 """Cut-off frequency of the filter [Hz]: slow motion lies below it, most of the noise above."""

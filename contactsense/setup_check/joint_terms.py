@@ -12,7 +12,7 @@ from typing import Self
 import numpy as np
 
 from contactsense.calibration.free_motion import FreeMotion
-from contactsense.calibration.recording_residuals import JointMotion, time_step
+from contactsense.calibration.residuals.recording_residuals import JointMotion, time_step
 from contactsense.kinematics.model import Model
 from contactsense.kinematics.momenta import kinematics_and_momenta
 from contactsense.kinematics.regressor import PARAMETERS, WEIGHTS, body_regressor

@@ -13,7 +13,7 @@ import numpy as np
 
 from contactsense.calibration.calibration_model import CalibrationModel
 from contactsense.calibration.free_motion import FreeMotion
-from contactsense.calibration.recording_residuals import residuals
+from contactsense.calibration.residuals.recording_residuals import residuals
 from contactsense.kinematics.model import Model
 from contactsense.residuals.momentum_observer import noise_variance_ratio
 from contactsense.scene import JointTorqueSensor, Scene, WrenchSensor

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense.calibration.free_motion import FreeMotion
-from contactsense.calibration.recording_residuals import JointMotion
+from contactsense.calibration.residuals.recording_residuals import JointMotion
 from contactsense.kinematics.model import Motion, empty_motion
 from contactsense.kinematics.regressor import PARAMETERS
 from contactsense.residuals.momentum_observer import MomentumObserver, empty_observer

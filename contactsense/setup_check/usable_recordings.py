@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from contactsense.calibration.free_motion import FreeMotion
-from contactsense.calibration.recording_residuals import GAP
+from contactsense.calibration.residuals.recording_residuals import GAP
 from contactsense.scene import Scene
 from contactsense.setup_check.instants import instants
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from contactsense import BlockEstimates, SampleBlock
-from contactsense.calibration.robust_least_squares import MAD_SCALE
+from contactsense.calibration.fit.robust_least_squares import MAD_SCALE
 from contactsense.robots.jit.kernel import kernel
 from contactsense.scene import Scene
 from contactsense.sensors.stream_state import (

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from contactsense.calibration import Calibration, Value
-from contactsense.calibration.gauss_newton import NOT_ESTIMATED
+from contactsense.calibration.fit.gauss_newton import NOT_ESTIMATED
 from contactsense.calibration.parameters import OPTIONAL_FRICTION
 from contactsense.calibration.result import CHANGED
 from contactsense.scene import Scene

@@ -7,7 +7,7 @@ import numpy as np
 
 from contactsense.calibration import Calibration, FreeMotion
 from contactsense.calibration.calibration_model import CalibrationModel
-from contactsense.calibration.equations import all_residuals
+from contactsense.calibration.residuals.equations import all_residuals
 from contactsense.scene import Scene
 from contactsense.service.cli.calibration_page import Section, channels, unit_of
 from contactsense.service.drawing.figure_style import figure_style

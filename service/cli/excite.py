@@ -12,7 +12,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 from contactsense.calibration import CalibrationError
-from contactsense.calibration.excitation import ExcitationSettings, Proposal, propose_excitation
+from contactsense.calibration.motion.excitation import ExcitationSettings, Proposal, propose_excitation
 from contactsense.robots import RobotError, load
 from contactsense.robots.units import FURTHEST
 from contactsense.scene import Scene, SceneError

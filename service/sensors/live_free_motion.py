@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from contactsense.calibration import FreeMotion
-from contactsense.calibration.recording_residuals import GAP
+from contactsense.calibration.residuals.recording_residuals import GAP
 from contactsense.scene import Scene
 from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
 from contactsense.scene_model.sensor_delays import without_delays

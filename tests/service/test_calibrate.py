@@ -15,7 +15,7 @@ from contactsense import JointTorqueSensor, Scene, WrenchSensor
 from contactsense.benchmarks.calibration.simulate import simulate
 from contactsense.calibration import Calibration, FreeMotion, Settings, SuspectedContact
 from contactsense.calibration import calibrate as estimate
-from contactsense.calibration.fourier_trajectory import FourierTrajectory
+from contactsense.calibration.motion.fourier_trajectory import FourierTrajectory
 from contactsense.calibration.parameters import Entry
 from contactsense.calibration.result import Value
 from contactsense.robots.tool import Tool

@@ -6,7 +6,7 @@ import pytest
 from contactsense import JointTorqueSensor, Scene, WrenchSensor
 from contactsense.benchmarks.calibration.simulate import simulate
 from contactsense.calibration import Settings, calibrate
-from contactsense.calibration.fourier_trajectory import FourierTrajectory
+from contactsense.calibration.motion.fourier_trajectory import FourierTrajectory
 from contactsense.service.cli.calibration_doubts import doubts
 
 SCENE = Scene(

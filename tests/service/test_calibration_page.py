@@ -10,7 +10,7 @@ from contactsense import Scene, WrenchSensor
 from contactsense.benchmarks.calibration.simulate import simulate
 from contactsense.calibration import Settings
 from contactsense.calibration import calibrate as estimate
-from contactsense.calibration.fourier_trajectory import FourierTrajectory
+from contactsense.calibration.motion.fourier_trajectory import FourierTrajectory
 from contactsense.robots.tool import Tool
 from contactsense.service.cli.calibration_page import page, reasons_against
 

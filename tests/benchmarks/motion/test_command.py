@@ -13,7 +13,7 @@ from contactsense.benchmarks.motion.score import Score
 from contactsense.benchmarks.motion.streams import KINDS, Event, Stream, read, with_velocity_noise
 from contactsense.calibration import FreeMotion
 from contactsense.calibration.calibration_model import CalibrationModel
-from contactsense.calibration.recording_residuals import residuals
+from contactsense.calibration.residuals.recording_residuals import residuals
 from tests.shared import shared
 
 N = 1000

@@ -7,7 +7,7 @@ from contactsense import JointTorqueSensor, Scene, WrenchSensor
 from contactsense.benchmarks.calibration.recordings import read
 from contactsense.benchmarks.calibration.simulate import simulate
 from contactsense.calibration import Calibration, CalibrationError, FreeMotion, Settings, calibrate
-from contactsense.calibration.fourier_trajectory import FourierTrajectory
+from contactsense.calibration.motion.fourier_trajectory import FourierTrajectory
 from contactsense.calibration.torque_signal_meaning import compare_meanings, setting_warnings
 from contactsense.robots.tool import Tool
 from contactsense.sensors.settings import Friction

@@ -7,13 +7,13 @@ from contactsense import JointTorqueSensor, LinkWrenchSensor, Scene, WrenchSenso
 from contactsense.benchmarks.calibration.simulate import Push, simulate
 from contactsense.calibration import Calibration, FreeMotion, Settings, calibrate, default_groups
 from contactsense.calibration.calibration_model import CalibrationModel
-from contactsense.calibration.equations import all_residuals, channels, linearize_all
-from contactsense.calibration.expected_uncertainty import expected_uncertainty
-from contactsense.calibration.fourier_trajectory import FourierTrajectory
-from contactsense.calibration.link_residuals import link_residuals
+from contactsense.calibration.motion.expected_uncertainty import expected_uncertainty
+from contactsense.calibration.motion.fourier_trajectory import FourierTrajectory
 from contactsense.calibration.parameters import OF_LINK_SENSORS, apply_step, entries
-from contactsense.calibration.recording_residuals import residuals, settled_samples
-from contactsense.calibration.smooth_velocities import with_smooth_velocities
+from contactsense.calibration.residuals.equations import all_residuals, channels, linearize_all
+from contactsense.calibration.residuals.link_residuals import link_residuals
+from contactsense.calibration.residuals.recording_residuals import residuals, settled_samples
+from contactsense.calibration.residuals.smooth_velocities import with_smooth_velocities
 from contactsense.robots.tool import Tool
 from contactsense.sensors.settings import Friction
 from tests.plain_arm import plain_ur5e

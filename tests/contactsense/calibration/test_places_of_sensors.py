@@ -8,7 +8,7 @@ import pytest
 from contactsense import Scene, WrenchSensor
 from contactsense.benchmarks.calibration.simulate import simulate
 from contactsense.calibration import Settings, calibrate
-from contactsense.calibration.fourier_trajectory import FourierTrajectory
+from contactsense.calibration.motion.fourier_trajectory import FourierTrajectory
 from contactsense.calibration.parameters import Group
 from contactsense.robots.tool import Tool
 from tests.plain_arm import plain_ur5e

@@ -6,7 +6,7 @@ import pytest
 from contactsense import JointTorqueSensor, Scene
 from contactsense.benchmarks.calibration.simulate import simulate
 from contactsense.calibration import Calibration, Settings, calibrate
-from contactsense.calibration.fourier_trajectory import FourierTrajectory
+from contactsense.calibration.motion.fourier_trajectory import FourierTrajectory
 from contactsense.sensors.settings import Friction
 from tests.plain_arm import plain_ur5e
 

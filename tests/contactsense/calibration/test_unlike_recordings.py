@@ -8,7 +8,7 @@ import pytest
 from contactsense import JointTorqueSensor, Scene, WrenchSensor
 from contactsense.benchmarks.calibration.simulate import simulate
 from contactsense.calibration import Calibration, FreeMotion, Settings, calibrate
-from contactsense.calibration.fourier_trajectory import FourierTrajectory
+from contactsense.calibration.motion.fourier_trajectory import FourierTrajectory
 from contactsense.robots.tool import Tool
 from contactsense.sensors.settings import Friction
 from tests.plain_arm import plain_ur5e

@@ -10,7 +10,7 @@ from contactsense.benchmarks.calibration.link_sensor_draws import ELBOW, LINK_MI
 from contactsense.benchmarks.calibration.setup_draws import Settings, right_setup, wrong_setup
 from contactsense.calibration import FreeMotion
 from contactsense.calibration.calibration_model import CalibrationModel
-from contactsense.calibration.residual_jacobian import inertial_columns
+from contactsense.calibration.residuals.residual_jacobian import inertial_columns
 from contactsense.kinematics.model import build_model
 from contactsense.robots import Robot
 from contactsense.scene import LinkWrenchSensor, Scene

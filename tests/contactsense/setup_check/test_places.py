@@ -7,7 +7,7 @@ import pytest
 
 from contactsense import Scene, WrenchSensor
 from contactsense.benchmarks.calibration.simulate import simulate
-from contactsense.calibration.fourier_trajectory import FourierTrajectory
+from contactsense.calibration.motion.fourier_trajectory import FourierTrajectory
 from contactsense.setup_check.fit import Fitter
 from contactsense.setup_check.motion_basis import MotionBases, Readings
 from contactsense.setup_check.setup import BASE, Free, Setup

@@ -1,0 +1,1 @@
+"""Noise and model errors of the sensors, estimated from the residuals of a calibration."""
