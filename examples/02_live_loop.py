@@ -19,9 +19,9 @@ import sys
 import time
 
 from contactsense import Localizer, Scene
-from contactsense.service.mock.script import Script
+from contactsense.service.mock.arm.script import Script
+from contactsense.service.mock.arm.simulated_arm import simulate
 from contactsense.service.mock.servers import MockServers, MockSettings
-from contactsense.service.mock.simulated_arm import simulate
 from contactsense.service.sensors.live_source import LiveSource, SourceSettings
 from contactsense.service.sensors.robot_stream import SensorError
 

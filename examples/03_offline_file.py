@@ -13,8 +13,8 @@ import numpy as np
 
 from contactsense import Contact, Localizer, Scene
 from contactsense.scene import SceneError
-from contactsense.service.mock.script import Script
-from contactsense.service.mock.simulated_arm import simulate
+from contactsense.service.mock.arm.script import Script
+from contactsense.service.mock.arm.simulated_arm import simulate
 from contactsense.service.recordings import RecordingError, read
 from contactsense.service.recordings.export import write_columns
 from contactsense.service.recordings.problem_lines import problem_lines

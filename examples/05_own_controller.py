@@ -25,8 +25,8 @@ from websockets.uri import parse_uri
 
 from contactsense.service.cli.serve import READY
 from contactsense.service.demo.child_process import child
-from contactsense.service.mock.script import Script
-from contactsense.service.mock.simulated_arm import Motion, simulate
+from contactsense.service.mock.arm.script import Script
+from contactsense.service.mock.arm.simulated_arm import Motion, simulate
 
 SCENE = {
     "robot": "ur5e",

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import contactsense
-from contactsense.service.mock.script import Script
-from contactsense.service.mock.simulated_arm import simulate
+from contactsense.service.mock.arm.script import Script
+from contactsense.service.mock.arm.simulated_arm import simulate
 
 ROOT = Path(__file__).parents[1]
 pytestmark = pytest.mark.slow

@@ -10,7 +10,7 @@ from contactsense.calibration import FreeMotion
 from contactsense.robots import Inertia, Link
 from contactsense.robots.tool import join_inertia
 from contactsense.scene_model.wrench_map import WrenchMap
-from contactsense.service.mock.newton_euler import inverse_dynamics
+from contactsense.service.mock.arm.newton_euler import inverse_dynamics
 
 
 def with_load(scene: Scene, recording: FreeMotion, link: str, mass: float, place: np.ndarray) -> FreeMotion:

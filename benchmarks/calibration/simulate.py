@@ -15,7 +15,7 @@ from contactsense.calibration import FreeMotion
 from contactsense.robots import Inertia, Link, Robot
 from contactsense.robots.tool import join_inertia, move_inertia
 from contactsense.scene_model.wrench_map import WrenchMap
-from contactsense.service.mock.newton_euler import LinkLoad, inverse_dynamics, link_poses
+from contactsense.service.mock.arm.newton_euler import LinkLoad, inverse_dynamics, link_poses
 
 
 class Motion(Protocol):

@@ -14,8 +14,8 @@ import yaml
 
 from contactsense import Scene
 from contactsense.benchmarks.multi_contact.trials import Trials
-from contactsense.service.mock.script import Contact, Move, Noise, Script, Trajectory
-from contactsense.service.mock.simulated_arm import Motion, joint_motion, simulate
+from contactsense.service.mock.arm.script import Contact, Move, Noise, Script, Trajectory
+from contactsense.service.mock.arm.simulated_arm import Motion, joint_motion, simulate
 from contactsense.service.recordings.export import write_columns
 
 COULOMB, VISCOUS = (6.0, 6.0, 4.0, 2.0, 2.0, 2.0), (6.0, 6.0, 4.0, 2.0, 2.0, 2.0)

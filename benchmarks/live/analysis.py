@@ -17,8 +17,8 @@ from contactsense import Localizer, Scene
 from contactsense.benchmarks import options
 from contactsense.service.analysis import analyze as run
 from contactsense.service.cli.finite_range import FiniteRange
-from contactsense.service.mock.script import Script
-from contactsense.service.mock.simulated_arm import Motion, simulate
+from contactsense.service.mock.arm.script import Script
+from contactsense.service.mock.arm.simulated_arm import Motion, simulate
 from contactsense.service.recordings import read
 from contactsense.service.recordings.export import write_columns
 

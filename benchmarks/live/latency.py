@@ -16,8 +16,8 @@ from contactsense.service.api.client import Client, ClientError
 from contactsense.service.cli.finite_range import FiniteRange
 from contactsense.service.demo.child_process import ChildError
 from contactsense.service.demo.processes import Stage
-from contactsense.service.mock.rtde_server import RATE
-from contactsense.service.mock.sent_log import SentLog
+from contactsense.service.mock.interfaces.rtde_server import RATE
+from contactsense.service.mock.interfaces.sent_log import SentLog
 
 _WARM_UP = 2.0
 

@@ -28,8 +28,8 @@ from contactsense.benchmarks.live.histogram import Histogram, bars, histogram
 from contactsense.service.api.client import Client, ClientError
 from contactsense.service.demo.child_process import ChildError
 from contactsense.service.demo.processes import Stage
-from contactsense.service.mock.rtde_server import RATE
-from contactsense.service.mock.sent_log import SIZE, SentLog
+from contactsense.service.mock.interfaces.rtde_server import RATE
+from contactsense.service.mock.interfaces.sent_log import SIZE, SentLog
 
 READERS = 8
 _WARM_UP = 3.0

@@ -16,9 +16,9 @@ import numpy as np
 from contactsense.service.api.sample_source import reader_settings
 from contactsense.service.api.scene_file import load_scene
 from contactsense.service.api.settings import Settings
-from contactsense.service.mock.script import Script
+from contactsense.service.mock.arm.script import Script
+from contactsense.service.mock.arm.simulated_arm import simulate
 from contactsense.service.mock.servers import MockServers, MockSettings
-from contactsense.service.mock.simulated_arm import simulate
 from contactsense.service.recordings.recorder import Recorder
 from contactsense.service.recordings.segment_writer import Rotation, SegmentWriter
 from contactsense.service.sensors.live_source import LiveSource

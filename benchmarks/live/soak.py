@@ -22,7 +22,7 @@ from contactsense.service.api.client import Client, ClientError
 from contactsense.service.cli.finite_range import FiniteRange
 from contactsense.service.demo.child_process import ChildError
 from contactsense.service.demo.processes import Stage
-from contactsense.service.mock.rtde_server import RATE
+from contactsense.service.mock.interfaces.rtde_server import RATE
 
 _SILENT = logging.Logger("contactsense.soak", logging.CRITICAL + 1)
 """For connections that a reader breaks off on purpose: the client would log each as an error of its own.

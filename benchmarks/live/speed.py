@@ -15,8 +15,8 @@ from contactsense import JointTorqueSensor, Localizer, Sample, Scene, WrenchSens
 from contactsense.benchmarks import options
 from contactsense.robots.extras import install_command
 from contactsense.runtime.parallel_batch import usable_cores
-from contactsense.service.mock.script import Script
-from contactsense.service.mock.simulated_arm import Motion, simulate
+from contactsense.service.mock.arm.script import Script
+from contactsense.service.mock.arm.simulated_arm import Motion, simulate
 
 LARGE_BATCH = 100_000
 ROUNDS = 5

@@ -13,8 +13,8 @@ import click
 import numpy as np
 
 from contactsense.benchmarks.live.checkout import HERE, numbers_printed
-from contactsense.service.mock.script import Script
-from contactsense.service.mock.simulated_arm import Motion, simulate
+from contactsense.service.mock.arm.script import Script
+from contactsense.service.mock.arm.simulated_arm import Motion, simulate
 
 PROGRAM = """
 import json, sys, time

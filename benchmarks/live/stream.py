@@ -23,8 +23,8 @@ import numpy as np
 
 from contactsense.scene import Scene
 from contactsense.service.cli.finite_range import FiniteRange
-from contactsense.service.mock.rtde_server import RATE
-from contactsense.service.mock.sent_log import SentLog
+from contactsense.service.mock.interfaces.rtde_server import RATE
+from contactsense.service.mock.interfaces.sent_log import SentLog
 from contactsense.service.mock.servers import MockServers, MockSettings
 from contactsense.service.sensors.live_source import LiveSource, SourceSettings
 from contactsense.service.sensors.robot_stream import RobotStream, SensorError

@@ -24,8 +24,8 @@ from contactsense.benchmarks.live.histogram import Histogram, bars, histogram
 from contactsense.service.api.client import ClientError
 from contactsense.service.cli.serve import READY
 from contactsense.service.demo.child_process import ChildError, child
-from contactsense.service.mock.script import Script
-from contactsense.service.mock.simulated_arm import simulate
+from contactsense.service.mock.arm.script import Script
+from contactsense.service.mock.arm.simulated_arm import simulate
 
 Way = Literal["push", "own"]
 """`push`: the samples go to the pipeline; `own`: the connection has its own localizer."""

@@ -10,7 +10,7 @@ import click
 import numpy as np
 
 from contactsense.benchmarks.truth_arms import file_of, name_of
-from contactsense.service.mock.measured_velocity import measured_velocity
+from contactsense.service.mock.arm.measured_velocity import measured_velocity
 
 SUITES = ("motion", "probe")
 Kind = Literal["standstill", "slow", "fast"]

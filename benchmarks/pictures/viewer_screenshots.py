@@ -18,8 +18,8 @@ import numpy as np
 from contactsense import Scene
 from contactsense.benchmarks.browser import BrowserError, Page, browser_page
 from contactsense.robots.surface.rendering import save, side_by_side
-from contactsense.service.mock.script import Script
-from contactsense.service.mock.simulated_arm import simulate
+from contactsense.service.mock.arm.script import Script
+from contactsense.service.mock.arm.simulated_arm import simulate
 from contactsense.service.recordings.export import write_columns
 from contactsense.service.viewer.playback import Playback
 from contactsense.service.viewer.viewer import PageServer, Viewer, run, serve_page

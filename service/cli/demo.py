@@ -18,8 +18,8 @@ from contactsense.service.demo.child_process import ChildError, child
 from contactsense.service.demo.processes import Stage
 from contactsense.service.demo.reaction_table import compare
 from contactsense.service.demo.scoreboard import Scoreboard, Verdict
-from contactsense.service.mock.script import Script, ScriptError
-from contactsense.service.mock.simulated_arm import Motion, simulate
+from contactsense.service.mock.arm.script import Script, ScriptError
+from contactsense.service.mock.arm.simulated_arm import Motion, simulate
 from contactsense.service.viewer import READY as VIEWER_READY
 
 COLUMNS = {

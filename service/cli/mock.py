@@ -12,11 +12,11 @@ from contactsense.scene import Scene, SceneError
 from contactsense.service.cli.output_file import check_writable
 from contactsense.service.free_ports import PortError, Wanted, check
 from contactsense.service.live.scheduling import prefer_low_latency
-from contactsense.service.mock.cell import Cell
+from contactsense.service.mock.arm.cell import Cell
+from contactsense.service.mock.arm.script import Script, ScriptError
+from contactsense.service.mock.controller.robot_controller import RobotController
+from contactsense.service.mock.interfaces.rtde_server import PORT
 from contactsense.service.mock.live_servers import InterfacePorts, LiveServers
-from contactsense.service.mock.robot_controller import RobotController
-from contactsense.service.mock.rtde_server import PORT
-from contactsense.service.mock.script import Script, ScriptError
 from contactsense.service.mock.servers import MockSettings
 from contactsense.service.wire.rtde_fields import JOINTS
 

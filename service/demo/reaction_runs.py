@@ -12,8 +12,8 @@ from contactsense.service.api.client import Client
 from contactsense.service.demo.child_process import ChildError
 from contactsense.service.demo.processes import Stage
 from contactsense.service.demo.sweeps import SCRIPT, SETTLE, SWEEPS, Collision, move_program
-from contactsense.service.mock.contact_log import ContactRecord
-from contactsense.service.mock.script import Script
+from contactsense.service.mock.arm.script import Script
+from contactsense.service.mock.controller.contact_log import ContactRecord
 
 DECELERATION = 20.0
 """Deceleration of the reaction's stop [rad/s^2]."""

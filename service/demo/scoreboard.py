@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from contactsense.service.api.messages import EstimateOut
-from contactsense.service.mock.simulated_arm import Motion, Touch
+from contactsense.service.mock.arm.simulated_arm import Motion, Touch
 
 SETTLE = 0.2
 """Time for which the observer may still report a contact after its end [s]."""

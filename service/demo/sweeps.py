@@ -5,11 +5,11 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from contactsense.service.mock.cell import Cell
-from contactsense.service.mock.contact_log import ContactRecord
-from contactsense.service.mock.robot_controller import RobotController
-from contactsense.service.mock.script import SCRIPTS, Script
-from contactsense.service.mock.urscript import parse
+from contactsense.service.mock.arm.cell import Cell
+from contactsense.service.mock.arm.script import SCRIPTS, Script
+from contactsense.service.mock.controller.contact_log import ContactRecord
+from contactsense.service.mock.controller.robot_controller import RobotController
+from contactsense.service.mock.urscript.parser import parse
 
 SCRIPT = SCRIPTS / "react.yaml"
 """Script with arm and obstacles."""

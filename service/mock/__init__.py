@@ -1,7 +1,6 @@
 """A simulated arm with sensors, served over the real protocols.
 
-Two mocks share the `rtde_server` and the `netft_server`. `servers` plays a motion that is computed beforehand
-(`script`, `simulated_arm` with `newton_euler`, `playback`). `live_servers` obeys commands: `robot_controller`
-steps the arm of `physics` each millisecond, `program_runner` executes `urscript`, and `dashboard_server` and
-`client_interfaces` receive commands.
+The `interfaces` are those of a UR controller and of a force/torque sensor. `servers` plays through them a
+motion that is computed beforehand (`playback` of a simulated `arm`). `live_servers` obeys commands: the
+`controller` moves an arm by `physics` each millisecond, and executes programs in `urscript`.
 """

@@ -5,16 +5,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from contactsense.service.mock.client_interfaces import PRIMARY, REALTIME, SECONDARY, ClientInterface
-from contactsense.service.mock.dashboard_server import PORT as DASHBOARD
-from contactsense.service.mock.dashboard_server import DashboardServer
-from contactsense.service.mock.live_controller import LiveController
-from contactsense.service.mock.netft_server import NetFtServer
+from contactsense.service.mock.controller.robot_controller import RobotController
+from contactsense.service.mock.interfaces.client_interfaces import (
+    PRIMARY,
+    REALTIME,
+    SECONDARY,
+    ClientInterface,
+)
+from contactsense.service.mock.interfaces.dashboard_server import PORT as DASHBOARD
+from contactsense.service.mock.interfaces.dashboard_server import DashboardServer
+from contactsense.service.mock.interfaces.live_fields import LiveController
+from contactsense.service.mock.interfaces.netft_server import NetFtServer
+from contactsense.service.mock.interfaces.received_log import ReceivedLog
+from contactsense.service.mock.interfaces.rtde_server import RATE, RtdeServer
+from contactsense.service.mock.interfaces.sent_log import SentLog
 from contactsense.service.mock.playback import SimClock
-from contactsense.service.mock.received_log import ReceivedLog
-from contactsense.service.mock.robot_controller import RobotController
-from contactsense.service.mock.rtde_server import RATE, RtdeServer
-from contactsense.service.mock.sent_log import SentLog
 from contactsense.service.mock.servers import MockSettings
 
 

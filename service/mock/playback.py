@@ -10,7 +10,7 @@ NS = 1_000_000_000
 
 class Feed(Protocol):
     """Readings of a simulated arm over one run, N samples, 6 joints; implemented by
-    `contactsense.service.mock.simulated_arm.Motion`."""
+    `contactsense.service.mock.arm.simulated_arm.Motion`."""
 
     @property
     def rate(self) -> float:

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from contactsense.service.mock.cell import TORQUE_CONSTANTS
-from contactsense.service.mock.netft_server import NetFtServer
+from contactsense.service.mock.arm.cell import TORQUE_CONSTANTS
+from contactsense.service.mock.interfaces.netft_server import NetFtServer
+from contactsense.service.mock.interfaces.playback_fields import PlaybackController
+from contactsense.service.mock.interfaces.received_log import ReceivedLog
+from contactsense.service.mock.interfaces.rtde_server import PORT, RATE, RtdeServer
+from contactsense.service.mock.interfaces.sent_log import SentLog
 from contactsense.service.mock.playback import Feed, Playback, PlaybackWrench, SimClock
-from contactsense.service.mock.playback_controller import PlaybackController
-from contactsense.service.mock.received_log import ReceivedLog
-from contactsense.service.mock.rtde_server import PORT, RATE, RtdeServer
-from contactsense.service.mock.sent_log import SentLog
 
 
 @dataclass(frozen=True, slots=True)

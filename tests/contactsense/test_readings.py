@@ -7,8 +7,8 @@ from contactsense import LinkWrenchSensor, Scene, WrenchSensor, forward_model
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import build_model, empty_motion
 from contactsense.robots import load
-from contactsense.service.mock.script import Script
-from contactsense.service.mock.simulated_arm import simulate
+from contactsense.service.mock.arm.script import Script
+from contactsense.service.mock.arm.simulated_arm import simulate
 
 
 @pytest.mark.slow

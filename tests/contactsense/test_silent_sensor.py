@@ -7,8 +7,8 @@ import pytest
 
 from contactsense import Localizer, Sample, Scene
 from contactsense.sensors.stream_state import SETTLING_PERIODS
-from contactsense.service.mock.script import Script
-from contactsense.service.mock.simulated_arm import simulate
+from contactsense.service.mock.arm.script import Script
+from contactsense.service.mock.arm.simulated_arm import simulate
 
 SCRIPT = Script.model_validate(
     {

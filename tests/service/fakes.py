@@ -27,8 +27,8 @@ class Steady:
     streams = 1
 
     def __init__(self, scene: Scene) -> None:
-        from contactsense.service.mock.script import Script
-        from contactsense.service.mock.simulated_arm import simulate
+        from contactsense.service.mock.arm.script import Script
+        from contactsense.service.mock.arm.simulated_arm import simulate
 
         script = {
             "robot": scene.robot.name,

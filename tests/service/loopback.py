@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from contactsense.service.mock.interfaces.playback_fields import PlaybackController
+from contactsense.service.mock.interfaces.rtde_server import RtdeServer
 from contactsense.service.mock.playback import NS, Playback, SimClock
-from contactsense.service.mock.playback_controller import PlaybackController
-from contactsense.service.mock.rtde_server import RtdeServer
 
 
 def _columns(rate: float, n: int) -> np.ndarray:

@@ -11,9 +11,9 @@ from multiprocessing.managers import BaseManager
 from typing import Any
 
 from contactsense.service.live.scheduling import prefer_low_latency
-from contactsense.service.mock.script import Script
+from contactsense.service.mock.arm.script import Script
+from contactsense.service.mock.arm.simulated_arm import simulate
 from contactsense.service.mock.servers import MockServers, MockSettings
-from contactsense.service.mock.simulated_arm import simulate
 
 
 class SimulatedDevices:

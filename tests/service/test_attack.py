@@ -9,8 +9,8 @@ import pytest
 from contactsense.service.api.client import Client
 from contactsense.service.api.messages import HealthOut
 from contactsense.service.demo.processes import Stage
-from contactsense.service.mock.rtde_server import RATE
-from contactsense.service.mock.sent_log import SIZE, SentLog
+from contactsense.service.mock.interfaces.rtde_server import RATE
+from contactsense.service.mock.interfaces.sent_log import SIZE, SentLog
 from tests.service.attackers import ATTACKS, attacked
 from tests.service.loopback import until
 

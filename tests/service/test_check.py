@@ -19,9 +19,9 @@ from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
 from contactsense.sensors.link_values import as_fields, column_of
 from contactsense.sensors.settings import Friction, per_joint
 from contactsense.service.cli.check import check, print_check
-from contactsense.service.mock.script import Script
+from contactsense.service.mock.arm.script import Script
+from contactsense.service.mock.arm.simulated_arm import simulate
 from contactsense.service.mock.servers import MockServers, MockSettings
-from contactsense.service.mock.simulated_arm import simulate
 from contactsense.service.recordings.export import write_columns
 from contactsense.service.recordings.free_motion import read_free_motion
 from contactsense.service.sensors.live_free_motion import _free_motion

@@ -9,9 +9,9 @@ import pytest
 
 from contactsense import Localizer, Scene
 from contactsense.service.api.messages import LocateOneIn
-from contactsense.service.mock.cell import Cell
-from contactsense.service.mock.robot_controller import RobotController
-from contactsense.service.mock.script import Script
+from contactsense.service.mock.arm.cell import Cell
+from contactsense.service.mock.arm.script import Script
+from contactsense.service.mock.controller.robot_controller import RobotController
 
 PAGE = (Path(__file__).parents[2] / "docs" / "service.md").read_text(encoding="utf-8")
 MOCK = (Path(__file__).parents[2] / "docs" / "mock.md").read_text(encoding="utf-8")

@@ -13,10 +13,10 @@ from websockets.sync.client import connect
 from contactsense.service.api.app import create_app
 from contactsense.service.api.messages import EstimateOut, HealthOut
 from contactsense.service.api.settings import Settings
-from contactsense.service.mock.script import Script
+from contactsense.service.mock.arm.script import Script
+from contactsense.service.mock.arm.simulated_arm import Motion, simulate
+from contactsense.service.mock.interfaces.wire_faults import Fault
 from contactsense.service.mock.servers import MockServers, MockSettings
-from contactsense.service.mock.simulated_arm import Motion, simulate
-from contactsense.service.mock.wire_faults import Fault
 from tests.service import http
 from tests.service.loopback import own_address, until
 from tests.service.serving import serving

@@ -5,8 +5,8 @@ import pytest
 
 from contactsense.service.api.app import create_app
 from contactsense.service.api.settings import Settings
+from contactsense.service.mock.arm.simulated_arm import simulate
 from contactsense.service.mock.servers import MockServers, MockSettings
-from contactsense.service.mock.simulated_arm import simulate
 from tests.service.loopback import own_address
 from tests.service.serving import serving
 from tests.service.test_live import SCRIPT, Play

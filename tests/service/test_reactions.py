@@ -13,9 +13,9 @@ from contactsense.scene import Scene
 from contactsense.service.api.app import create_app
 from contactsense.service.api.settings import Settings, SettingsError
 from contactsense.service.cli.main import cli
-from contactsense.service.mock.script import Script
+from contactsense.service.mock.arm.script import Script
+from contactsense.service.mock.arm.simulated_arm import simulate
 from contactsense.service.mock.servers import MockServers, MockSettings
-from contactsense.service.mock.simulated_arm import simulate
 from contactsense.service.recordings import read
 from contactsense.service.recordings.export import export, write_columns
 from tests.service import http

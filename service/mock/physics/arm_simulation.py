@@ -9,7 +9,7 @@ from contactsense.robots import Robot
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.tool import Tool
 from contactsense.robots.torque_scale import torque_scales
-from contactsense.service.mock.obstacles import Obstacle
+from contactsense.service.mock.arm.obstacles import Obstacle
 from contactsense.service.mock.physics import bodies as arrays
 from contactsense.service.mock.physics.dynamics_kernels import scratch
 from contactsense.service.mock.physics.servo_kernels import (

@@ -9,7 +9,7 @@ from contactsense.robots import Joint, Link, Robot
 from contactsense.robots.rotations import rotation_from_rpy
 from contactsense.robots.surface.convex_primitives import Surfaces, pack
 from contactsense.robots.tool import Tool
-from contactsense.service.mock.obstacles import BoxObstacle, HalfSpace, Obstacle, SphereObstacle
+from contactsense.service.mock.arm.obstacles import BoxObstacle, HalfSpace, Obstacle, SphereObstacle
 
 HALF_SPACE, BOX, SPHERE = 0, 1, 2
 

@@ -1,6 +1,6 @@
 """Newton-Euler recursion over a chain of bodies, each in its own axes, and the mass matrix computed with it.
 
-The same method as `contactsense.service.mock.newton_euler`, but compiled and for one instant: a thousand
+The same method as `contactsense.service.mock.arm.newton_euler`, but compiled and for one instant: a thousand
 steps per second must leave processor time for other processes. It shares no code and no frames with
 `kinematics`.
 """

@@ -17,7 +17,7 @@ from contactsense.benchmarks.calibration.known_touches import (
 from contactsense.benchmarks.posterior.samples import of_primitives
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import build_model, empty_motion
-from contactsense.service.mock.newton_euler import LinkLoad, inverse_dynamics, link_poses
+from contactsense.service.mock.arm.newton_euler import LinkLoad, inverse_dynamics, link_poses
 from tests.shared import shared
 
 

@@ -6,8 +6,8 @@ import pytest
 from click.testing import CliRunner
 
 from contactsense.benchmarks.live.latency import latency
-from contactsense.service.mock.received_log import CODE, TIME, ReceivedLog
-from contactsense.service.mock.sent_log import SIZE, SentLog
+from contactsense.service.mock.interfaces.received_log import CODE, TIME, ReceivedLog
+from contactsense.service.mock.interfaces.sent_log import SIZE, SentLog
 
 
 def test_the_first_write_of_a_sample_counts(tmp_path) -> None:

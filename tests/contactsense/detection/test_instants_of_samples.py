@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from contactsense import Localizer, Sample, Scene, robots
-from contactsense.service.mock.measured_velocity import measured_velocity
-from contactsense.service.mock.newton_euler import inverse_dynamics
-from contactsense.service.mock.script import Script
-from contactsense.service.mock.simulated_arm import simulate
+from contactsense.service.mock.arm.measured_velocity import measured_velocity
+from contactsense.service.mock.arm.newton_euler import inverse_dynamics
+from contactsense.service.mock.arm.script import Script
+from contactsense.service.mock.arm.simulated_arm import simulate
 
 DT = 0.002
 NOISE = np.repeat([0.25, 0.05], 3)

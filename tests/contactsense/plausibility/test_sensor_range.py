@@ -19,7 +19,7 @@ from contactsense.scene_model.load_weight import LoadWeight
 from contactsense.scene_model.wrench_map import WrenchMap
 from contactsense.sensors.settings import LinkInertia
 from contactsense.sensors.stream_state import INVALID
-from contactsense.service.mock.newton_euler import inverse_dynamics
+from contactsense.service.mock.arm.newton_euler import inverse_dynamics
 from tests.plain_arm import plain_ur5e
 
 ARM = plain_ur5e()

@@ -11,7 +11,7 @@ from contactsense import Localizer, Sample, SampleBlock, Scene
 from contactsense.kinematics.model import build_model, empty_motion
 from contactsense.kinematics.momenta import kinematics_and_momenta
 from contactsense.runtime.state import State
-from contactsense.service.mock.measured_velocity import measured_velocity
+from contactsense.service.mock.arm.measured_velocity import measured_velocity
 from tests.contactsense.link_sensors.truth import ARM, BASE, FOREARM, SENSOR, STEP, TORQUE, stream
 from tests.contactsense.runtime.test_blocks import agree, recording
 from tests.plain_arm import plain_ur5e

@@ -14,8 +14,8 @@ from contactsense.robots.tool import Tool
 from contactsense.runtime.result_rows import FORCE, LINK, NORMAL, POINT, POINT_BASE, PROBABILITY, TORSION
 from contactsense.sensors.settings import Friction, JointTorqueSensor, WrenchSensor
 from contactsense.sensors.stream_state import DEGRADED, REPEATED, RESTARTED
-from contactsense.service.mock.script import Script
-from contactsense.service.mock.simulated_arm import simulate
+from contactsense.service.mock.arm.script import Script
+from contactsense.service.mock.arm.simulated_arm import simulate
 from tests.plain_arm import plain_ur5e
 
 pytestmark = pytest.mark.slow  # its kernels compile for long

@@ -8,7 +8,7 @@ import yaml
 
 from contactsense.robots.yaml_schema import JointEntry
 from contactsense.scene import Scene
-from contactsense.service.mock.script import Script
+from contactsense.service.mock.arm.script import Script
 from contactsense.service.reactions.rules import ReactionRules
 
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from contactsense.service.mock.script import Script
-from contactsense.service.mock.simulated_arm import Motion, simulate
+from contactsense.service.mock.arm.script import Script
+from contactsense.service.mock.arm.simulated_arm import Motion, simulate
 from contactsense.service.recordings.export import write_columns
 
 

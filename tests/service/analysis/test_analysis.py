@@ -17,8 +17,8 @@ from contactsense.service.analysis import Analysis, ForceLimits, LimitsError, an
 from contactsense.service.analysis.contact_table import SCHEMA, write_contacts
 from contactsense.service.analysis.health import health, warning
 from contactsense.service.analysis.summarize import Summarizer
-from contactsense.service.mock.script import Script
-from contactsense.service.mock.simulated_arm import simulate
+from contactsense.service.mock.arm.script import Script
+from contactsense.service.mock.arm.simulated_arm import simulate
 from contactsense.service.recordings import Recording, read
 from tests.contactsense.plausibility.test_stream_start import RIGHT, stream
 from tests.service.analysis.recordings import demo, write_motion

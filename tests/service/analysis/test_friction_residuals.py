@@ -9,8 +9,8 @@ import pytest
 from contactsense import Localizer, SampleBlock, Scene
 from contactsense.sensors.settings import Friction, JointTorqueSensor
 from contactsense.service.analysis.friction_residuals import FrictionChange, FrictionResiduals
-from contactsense.service.mock.script import Move, Noise, Script, Trajectory
-from contactsense.service.mock.simulated_arm import Motion, simulate
+from contactsense.service.mock.arm.script import Move, Noise, Script, Trajectory
+from contactsense.service.mock.arm.simulated_arm import Motion, simulate
 
 COULOMB, VISCOUS = np.array([4.0, 4.0, 3.0, 1.5, 1.5, 1.5]), np.array([5.0, 5.0, 4.0, 2.0, 2.0, 2.0])
 BIAS = np.array([0.5, -0.4, 0.3, 0.2, -0.2, 0.1])

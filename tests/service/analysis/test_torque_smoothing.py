@@ -17,8 +17,8 @@ from contactsense.service.analysis.smoothed_contact import SmoothedContact, rank
 from contactsense.service.analysis.smoothing import ContactSmoother
 from contactsense.service.analysis.summarize import Summarizer
 from contactsense.service.analysis.torque_smoothing import TorqueSmoother, _Candidate, _followed, _magnitudes
-from contactsense.service.mock.script import Script
-from contactsense.service.mock.simulated_arm import Motion, Touch, simulate
+from contactsense.service.mock.arm.script import Script
+from contactsense.service.mock.arm.simulated_arm import Motion, Touch, simulate
 from tests.plain_arm import plain_ur5e
 from tests.service.analysis.recordings import demo
 

@@ -16,7 +16,7 @@ from contactsense import Scene, forward_model, robots
 from contactsense.service.api.app import create_app
 from contactsense.service.api.messages import ErrorOut, EstimateOut
 from contactsense.service.api.settings import Settings
-from contactsense.service.mock.newton_euler import inverse_dynamics
+from contactsense.service.mock.arm.newton_euler import inverse_dynamics
 from tests.service import fakes, http
 from tests.service.loopback import until
 from tests.service.serving import serving

@@ -10,7 +10,7 @@ from contactsense import Scene
 from contactsense.service.controllers import robot_program, sample_message, settings
 from contactsense.service.controllers.scene_message import make_scene
 from contactsense.service.live.hub import Hub
-from contactsense.service.mock.urscript import parse
+from contactsense.service.mock.urscript.parser import parse
 from contactsense.service.reactions.state import Reactions
 
 ROOT = Path(__file__).parents[3]

@@ -5,8 +5,8 @@ import pytest
 
 from contactsense.service.api.messages import EstimateOut
 from contactsense.service.demo.scoreboard import Scoreboard, Verdict
-from contactsense.service.mock.script import Script
-from contactsense.service.mock.simulated_arm import Motion, simulate
+from contactsense.service.mock.arm.script import Script
+from contactsense.service.mock.arm.simulated_arm import Motion, simulate
 from tests.oracles.random_arm import random_arm
 
 SCRIPT = Script.model_validate(

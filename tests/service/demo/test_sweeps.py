@@ -11,11 +11,11 @@ from contactsense.service.cli.main import cli
 from contactsense.service.demo.processes import Stage
 from contactsense.service.demo.reaction_runs import LEVEL, rules
 from contactsense.service.demo.sweeps import SCRIPT, SWEEPS, Collision, without_reaction
-from contactsense.service.mock.cell import Cell
-from contactsense.service.mock.contact_log import ContactRecord
-from contactsense.service.mock.robot_controller import RobotController
-from contactsense.service.mock.script import Script
-from contactsense.service.mock.urscript import parse
+from contactsense.service.mock.arm.cell import Cell
+from contactsense.service.mock.arm.script import Script
+from contactsense.service.mock.controller.contact_log import ContactRecord
+from contactsense.service.mock.controller.robot_controller import RobotController
+from contactsense.service.mock.urscript.parser import parse
 from contactsense.service.reactions.rules import ReactionRules
 from tests.service.test_commands import run
 

@@ -1,7 +1,7 @@
 """The simulated robot and its sensor behind proxies that spoil what they send."""
 
-from contactsense.service.mock.script import Script
-from contactsense.service.mock.wire_faults import Fault
+from contactsense.service.mock.arm.script import Script
+from contactsense.service.mock.interfaces.wire_faults import Fault
 from tests.service.faults.robot_proxy import ROBOT_FAULTS, RtdeProxy
 from tests.service.faults.sensor_proxy import SENSOR_FAULTS, NetFtProxy
 from tests.service.simulated_devices import SimulatedDevices

@@ -22,7 +22,7 @@ from websockets.sync.client import connect
 
 from contactsense.service.cli.serve import READY
 from contactsense.service.demo.child_process import child
-from contactsense.service.mock.script import Script
+from contactsense.service.mock.arm.script import Script
 from tests.service import http
 from tests.service.faults.spoiled_devices import SpoiledDevices
 from tests.service.simulated_devices import in_own_process

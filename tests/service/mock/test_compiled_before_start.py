@@ -7,9 +7,9 @@ import pytest
 
 PROGRAM = """
 from contactsense.robots.jit import kernel
-from contactsense.service.mock.cell import Cell
-from contactsense.service.mock.robot_controller import RobotController
-from contactsense.service.mock.script import Script
+from contactsense.service.mock.arm.cell import Cell
+from contactsense.service.mock.controller.robot_controller import RobotController
+from contactsense.service.mock.arm.script import Script
 
 script = Script.demo()
 robot = RobotController(Cell.of_script(script), script)

@@ -12,14 +12,14 @@ import pytest
 
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import build_model, empty_motion
-from contactsense.service.mock.cell import Cell
+from contactsense.service.mock.arm.cell import Cell
+from contactsense.service.mock.arm.script import Script
+from contactsense.service.mock.controller.robot_controller import RobotController
+from contactsense.service.mock.controller.robot_state import RuntimeState
 from contactsense.service.mock.live_servers import InterfacePorts, LiveServers
-from contactsense.service.mock.robot_controller import RobotController
-from contactsense.service.mock.robot_state import RuntimeState
-from contactsense.service.mock.script import Script
 from contactsense.service.mock.servers import MockSettings
 from tests.service.loopback import own_address, until
-from tests.service.mock.test_rtde_server import PlainClient
+from tests.service.mock.interfaces.test_rtde_server import PlainClient
 
 FIELDS = {
     "robot": "ur5e",

@@ -12,9 +12,9 @@ from contactsense.service.cli import mock
 from contactsense.service.cli.main import cli
 from contactsense.service.cli.mock import READY
 from contactsense.service.demo.child_process import child
-from contactsense.service.mock.sent_log import SIZE, SentLog
+from contactsense.service.mock.interfaces.sent_log import SIZE, SentLog
 from tests.service.loopback import until
-from tests.service.mock.test_rtde_server import PlainClient
+from tests.service.mock.interfaces.test_rtde_server import PlainClient
 
 SCRIPT = """
 robot: ur5e

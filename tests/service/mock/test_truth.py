@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from contactsense import robots
-from contactsense.service.mock.newton_euler import LinkLoad, inverse_dynamics, link_poses
+from contactsense.service.mock.arm.newton_euler import LinkLoad, inverse_dynamics, link_poses
 
 SHARED = Path(os.environ.get("CONTACTSENSE_SHARED", Path(__file__).parents[4] / "shared" / "data"))
 CONTACT = ("c_link", "f", "xi", "n_base")

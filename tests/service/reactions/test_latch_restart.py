@@ -14,8 +14,8 @@ import yaml
 
 from contactsense.service.cli.serve import READY
 from contactsense.service.demo.child_process import Child, child
+from contactsense.service.mock.arm.simulated_arm import simulate
 from contactsense.service.mock.servers import MockServers, MockSettings
-from contactsense.service.mock.simulated_arm import simulate
 from tests.service import http
 from tests.service.loopback import until
 from tests.service.test_reactions import RULES, SCRIPT

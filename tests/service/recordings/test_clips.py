@@ -15,9 +15,9 @@ from contactsense.service.api.app import create_app
 from contactsense.service.api.clips import Clips
 from contactsense.service.api.settings import Settings
 from contactsense.service.cli.record import record
-from contactsense.service.mock.script import Script
+from contactsense.service.mock.arm.script import Script
+from contactsense.service.mock.arm.simulated_arm import simulate
 from contactsense.service.mock.servers import MockServers, MockSettings
-from contactsense.service.mock.simulated_arm import simulate
 from contactsense.service.recordings import clip_listener, read, sample_rows
 from contactsense.service.recordings.clip_listener import ClipListener, RecordingSettings
 from contactsense.service.recordings.sample_rows import Ring

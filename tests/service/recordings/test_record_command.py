@@ -16,8 +16,8 @@ from contactsense import Scene
 from contactsense.service.cli import record as command
 from contactsense.service.cli.record import record
 from contactsense.service.live.scheduling import RECORDER
-from contactsense.service.mock.script import Script
-from contactsense.service.mock.simulated_arm import Motion, simulate
+from contactsense.service.mock.arm.script import Script
+from contactsense.service.mock.arm.simulated_arm import Motion, simulate
 from contactsense.service.recordings import read
 from contactsense.service.sensors.robot_stream import SensorError, StreamHealth
 from tests.service.loopback import own_address

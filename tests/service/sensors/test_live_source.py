@@ -9,10 +9,10 @@ from contactsense.robots.tool import Tool
 from contactsense.scene import JointTorqueSensor, LinkWrenchSensor, Scene, WrenchSensor
 from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
 from contactsense.scene_model.wrench_map import WrenchMap
-from contactsense.service.mock.cell import TORQUE_CONSTANTS
-from contactsense.service.mock.controller import Controller
-from contactsense.service.mock.netft_server import NetFtServer
-from contactsense.service.mock.newton_euler import link_poses
+from contactsense.service.mock.arm.cell import TORQUE_CONSTANTS
+from contactsense.service.mock.arm.newton_euler import link_poses
+from contactsense.service.mock.interfaces.netft_server import NetFtServer
+from contactsense.service.mock.interfaces.rtde_fields import Controller
 from contactsense.service.mock.playback import Playback, PlaybackWrench
 from contactsense.service.mock.servers import MockServers
 from contactsense.service.sensors.live_source import LiveSource, SourceSettings

@@ -8,7 +8,7 @@ import numpy as np
 import pynetft
 import pytest
 
-from contactsense.service.mock.netft_server import NetFtServer
+from contactsense.service.mock.interfaces.netft_server import NetFtServer
 from contactsense.service.mock.playback import SimClock
 from contactsense.service.sensors import host_names
 from contactsense.service.sensors.netft_client import NetFtStream

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from contactsense.service.mock.netft_server import NetFtServer
+from contactsense.service.mock.interfaces.netft_server import NetFtServer
 from contactsense.service.mock.playback import SimClock
 from contactsense.service.sensors import netft_client, receive_buffer
 from contactsense.service.sensors.netft_client import NetFtStream

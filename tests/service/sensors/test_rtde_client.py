@@ -6,7 +6,7 @@ import time
 import numpy as np
 import pytest
 
-from contactsense.service.mock.wire_faults import Fault
+from contactsense.service.mock.interfaces.wire_faults import Fault
 from contactsense.service.sensors.robot_stream import Backoff, SensorError
 from contactsense.service.sensors.rtde_client import RtdeConnection, RtdeStream
 from contactsense.service.wire import rtde as wire

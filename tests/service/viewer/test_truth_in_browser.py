@@ -11,8 +11,8 @@ import pytest
 
 from contactsense import Localizer, Scene
 from contactsense.scene import JointTorqueSensor, WrenchSensor
-from contactsense.service.mock.script import Script
-from contactsense.service.mock.simulated_arm import simulate
+from contactsense.service.mock.arm.script import Script
+from contactsense.service.mock.arm.simulated_arm import simulate
 from contactsense.types import Estimate, Sample
 from tests.browser import require_browser
 from tests.service.viewer.shown import Shown, showing

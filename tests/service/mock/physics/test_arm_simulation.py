@@ -6,8 +6,8 @@ import pytest
 from contactsense import robots
 from contactsense.robots.surface.primitives import Sphere
 from contactsense.robots.tool import Tool
-from contactsense.service.mock.newton_euler import LinkLoad, inverse_dynamics
-from contactsense.service.mock.obstacles import BoxObstacle
+from contactsense.service.mock.arm.newton_euler import LinkLoad, inverse_dynamics
+from contactsense.service.mock.arm.obstacles import BoxObstacle
 from contactsense.service.mock.physics.arm_simulation import STEP, ArmSimulation, Push
 from contactsense.service.mock.physics.bodies import with_tool
 from tests.oracles.pinocchio_arm import PinocchioArm

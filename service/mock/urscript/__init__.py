@@ -1,0 +1,1 @@
+"""Programs in URScript: `parser`, the `functions` that the mock knows, and `program_runner`."""
