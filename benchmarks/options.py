@@ -9,7 +9,7 @@ import click
 from contactsense.benchmarks.accuracy.static_cases import SENSORS, Detail
 from contactsense.benchmarks.accuracy.static_points import HALVES
 from contactsense.scene import LinkPrior
-from contactsense.service.cli.finite_range import FiniteRange
+from contactsense.service.cli.options.finite_range import FiniteRange
 
 _Command = TypeVar("_Command", bound=Callable[..., Any])
 

@@ -28,7 +28,7 @@ from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import build_model, empty_motion
 from contactsense.robots import RobotError
 from contactsense.scene_model.constants import build_constants
-from contactsense.service.cli.finite_range import FiniteRange
+from contactsense.service.cli.options.finite_range import FiniteRange
 
 TOLERANCE = 0.2
 """Relative difference up to which a prediction counts as right."""

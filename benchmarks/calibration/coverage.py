@@ -20,7 +20,7 @@ from contactsense.calibration.motion.fourier_trajectory import FourierTrajectory
 from contactsense.calibration.parameters import Group, value
 from contactsense.robots.tool import Tool
 from contactsense.sensors.settings import Friction
-from contactsense.service.cli.finite_range import FiniteRange
+from contactsense.service.cli.options.finite_range import FiniteRange
 
 GROUPS: tuple[Group, ...] = ("payload", "bias", "coulomb", "viscous", "rotor", "gain", "wrench_bias", "delay")
 _NORMAL_95 = 1.96

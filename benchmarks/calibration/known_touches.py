@@ -34,7 +34,7 @@ from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import Motion, build_model, empty_motion
 from contactsense.runtime.result_rows import PROBABILITY
 from contactsense.scene import LinkPrior, Scene
-from contactsense.service.cli.finite_range import FiniteRange
+from contactsense.service.cli.options.finite_range import FiniteRange
 
 Draw = Literal["area", "link"]
 FORCES = (20.0, 150.0)

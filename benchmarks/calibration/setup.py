@@ -22,7 +22,7 @@ from contactsense.benchmarks.calibration.setup_draws import (
     wrong_setup,
 )
 from contactsense.benchmarks.calibration.two_mistakes import ARM_AND_TOOL, named, two_wrong_lines
-from contactsense.service.cli.finite_range import FiniteRange
+from contactsense.service.cli.options.finite_range import FiniteRange
 from contactsense.setup_check import check
 
 LOADED = "ur-20_01_31-load"

@@ -20,7 +20,7 @@ from contactsense.service.analysis.fleet.report import write_fleet_report
 from contactsense.service.analysis.fleet.run import analyze_fleet
 from contactsense.service.analysis.fleet.summary import FleetSummary
 from contactsense.service.analysis.fleet.worker_pool import run_tasks
-from contactsense.service.cli.finite_range import FiniteRange
+from contactsense.service.cli.options.finite_range import FiniteRange
 
 MANY = 100_000
 """Number of recordings that the times are extrapolated to."""

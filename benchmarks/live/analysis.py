@@ -16,7 +16,7 @@ from rich.table import Table
 from contactsense import Localizer, Scene
 from contactsense.benchmarks import options
 from contactsense.service.analysis import analyze as run
-from contactsense.service.cli.finite_range import FiniteRange
+from contactsense.service.cli.options.finite_range import FiniteRange
 from contactsense.service.mock.arm.script import Script
 from contactsense.service.mock.arm.simulated_arm import Motion, simulate
 from contactsense.service.recordings import read

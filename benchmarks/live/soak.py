@@ -19,7 +19,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus, WebSocketExce
 from websockets.sync.client import connect
 
 from contactsense.service.api.client import Client, ClientError
-from contactsense.service.cli.finite_range import FiniteRange
+from contactsense.service.cli.options.finite_range import FiniteRange
 from contactsense.service.demo.child_process import ChildError
 from contactsense.service.demo.processes import Stage
 from contactsense.service.mock.interfaces.rtde_server import RATE

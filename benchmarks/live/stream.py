@@ -22,7 +22,7 @@ import click
 import numpy as np
 
 from contactsense.scene import Scene
-from contactsense.service.cli.finite_range import FiniteRange
+from contactsense.service.cli.options.finite_range import FiniteRange
 from contactsense.service.mock.interfaces.rtde_server import RATE
 from contactsense.service.mock.interfaces.sent_log import SentLog
 from contactsense.service.mock.servers import MockServers, MockSettings

@@ -23,7 +23,7 @@ from contactsense.benchmarks.browser import BrowserError, browser_page
 from contactsense.benchmarks.live.latency import collect
 from contactsense.benchmarks.live.viewer_clients import Pages, pages
 from contactsense.service.api.client import Client, ClientError
-from contactsense.service.cli.finite_range import FiniteRange
+from contactsense.service.cli.options.finite_range import FiniteRange
 from contactsense.service.demo.child_process import ChildError, child
 from contactsense.service.demo.processes import Stage
 from contactsense.service.mock.interfaces.rtde_server import RATE

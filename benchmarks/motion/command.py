@@ -32,7 +32,7 @@ from contactsense.benchmarks.motion.streams import KINDS, SUITES, Stream, read, 
 from contactsense.benchmarks.truth_arms import files_of, name_of
 from contactsense.residuals.momentum_observer import noise_variance_ratio
 from contactsense.sensors.settings import Friction
-from contactsense.service.cli.finite_range import FiniteRange
+from contactsense.service.cli.options.finite_range import FiniteRange
 
 
 @click.command()

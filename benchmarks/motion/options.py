@@ -7,7 +7,7 @@ import click
 
 from contactsense.benchmarks.accuracy.static_cases import COLUMNS
 from contactsense.benchmarks.motion.streams import SUITES
-from contactsense.service.cli.finite_range import FiniteRange
+from contactsense.service.cli.options.finite_range import FiniteRange
 
 MODELS = {"exact": (False,), "wrong": (True,), "both": (False, True)}
 """Choice -> whether mass and friction are wrong, one run each."""

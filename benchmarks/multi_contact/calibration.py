@@ -23,7 +23,7 @@ from contactsense.benchmarks.multi_contact.calibration_verdict import Verdict, i
 from contactsense.benchmarks.multi_contact.measure import Scenario, localizer_for
 from contactsense.benchmarks.multi_contact.mesh_trials import MeshTrials
 from contactsense.benchmarks.multi_contact.trials import Trial, Trials
-from contactsense.service.cli.finite_range import FiniteRange
+from contactsense.service.cli.options.finite_range import FiniteRange
 
 SCENARIOS = {
     "forces held": Scenario("one_by_one", 0.5),

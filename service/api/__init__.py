@@ -1,6 +1,5 @@
-"""HTTP and WebSocket: routes, messages, errors, settings, a client.
+"""HTTP and WebSocket: routes, messages, settings, a client.
 
-`app` assembles the routes around one `service`, the state that all requests share; `messages` are their JSON.
-Routes: `estimates`, `events`, `health`, `locate`, `track`, `robot`, `reactions`, `clips`, `xmlrpc`. Before a
-route, `connections`, `access`, `limits` and `known_parameters` refuse what is not allowed, as `errors`.
+`app` assembles the `routes` around one `service`, the state that all requests share; `messages` are their
+JSON. What a request must pass before is in `http`.
 """

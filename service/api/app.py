@@ -14,9 +14,16 @@ from fastapi.responses import RedirectResponse
 from fastapi_offline import FastAPIOffline
 
 from contactsense import Scene
-from contactsense.service.api import (
+from contactsense.service.api.http import errors
+from contactsense.service.api.http.access import OPEN_PATHS, Access
+from contactsense.service.api.http.ending import Ending
+from contactsense.service.api.http.exposure import access_rules
+from contactsense.service.api.http.head import Head
+from contactsense.service.api.http.known_parameters import refuse_unknown_parameters
+from contactsense.service.api.http.limits import Limits
+from contactsense.service.api.http.unknown_path import UnknownPath
+from contactsense.service.api.routes import (
     clips,
-    errors,
     estimates,
     events,
     health,
@@ -26,15 +33,8 @@ from contactsense.service.api import (
     track,
     xmlrpc,
 )
-from contactsense.service.api.access import OPEN_PATHS, Access
-from contactsense.service.api.ending import Ending
-from contactsense.service.api.exposure import access_rules
-from contactsense.service.api.head import Head
-from contactsense.service.api.known_parameters import refuse_unknown_parameters
-from contactsense.service.api.limits import Limits
 from contactsense.service.api.service import Service
 from contactsense.service.api.settings import Settings
-from contactsense.service.api.unknown_path import UnknownPath
 from contactsense.service.live.loading import OnLoading
 from contactsense.service.live.pipeline_process import Source
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, Discriminator, FailFast, Field, Tag
 
-from contactsense.service.api.request_body import RequestBody
+from contactsense.service.api.http.request_body import RequestBody
 from contactsense.service.events.model import ContactEvent
 from contactsense.service.reactions.health import ReactionsHealth
 from contactsense.types import Phase, Status

@@ -16,12 +16,13 @@ from starlette.requests import HTTPConnection
 
 from contactsense import Scene
 from contactsense.plausibility.plausible_limits import PlausibleLimits
-from contactsense.service.api import clips, messages, track
+from contactsense.service.api import messages
 from contactsense.service.api.clip_recording import check_folder, clip_listeners
-from contactsense.service.api.connections import ConnectionLimits
-from contactsense.service.api.limits import RequestLimits
+from contactsense.service.api.http.connections import ConnectionLimits
+from contactsense.service.api.http.limits import RequestLimits
 from contactsense.service.api.messages import HealthOut
-from contactsense.service.api.metrics import Metrics
+from contactsense.service.api.routes import clips, track
+from contactsense.service.api.routes.metrics import Metrics
 from contactsense.service.api.sample_source import check_robot_address, open_source
 from contactsense.service.api.scene_file import load_scene
 from contactsense.service.api.settings import Settings, SettingsError

@@ -19,8 +19,8 @@ from pydantic import (
 
 from contactsense.robots.files.field_errors import Place, joined
 from contactsense.scene import describe
-from contactsense.service.api.access import host_names, page_origins
-from contactsense.service.api.token_file import check_token
+from contactsense.service.api.http.access import host_names, page_origins
+from contactsense.service.api.http.token_file import check_token
 from contactsense.service.api.variables import from_json, read_variables
 from contactsense.service.controllers.settings import ControllerSettings
 from contactsense.service.events.journal import JournalSettings

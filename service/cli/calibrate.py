@@ -23,7 +23,7 @@ from contactsense.robots.files.yaml_fields import read_fields
 from contactsense.scene import Scene, SceneError
 from contactsense.service.cli.calibration_doubts import doubts
 from contactsense.service.cli.calibration_page import Section, channels, page, reasons_against
-from contactsense.service.cli.output_file import check_writable
+from contactsense.service.cli.options.output_file import check_writable
 from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError
 from contactsense.service.recordings.free_motion import read_free_motion
 from contactsense.service.recordings.problem_lines import problem_lines

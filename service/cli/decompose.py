@@ -17,10 +17,10 @@ from contactsense.robots.files.whole_file import write_text
 from contactsense.robots.library import URDF_SUFFIXES
 from contactsense.robots.surface.deviation_table import lines
 from contactsense.service.cli.decompose_fits import PROGRESS_COLUMNS, fit_all, fit_by_parts
-from contactsense.service.cli.finite_range import FiniteRange
 from contactsense.service.cli.measured_surface import measured_again
-from contactsense.service.cli.output_file import check_writable
-from contactsense.service.cli.picture_file import PicturePath
+from contactsense.service.cli.options.finite_range import FiniteRange
+from contactsense.service.cli.options.output_file import check_writable
+from contactsense.service.cli.options.picture_file import PicturePath
 
 if TYPE_CHECKING:
     import trimesh

@@ -16,9 +16,9 @@ from contactsense.calibration.motion.excitation import ExcitationSettings, Propo
 from contactsense.robots import RobotError, load
 from contactsense.robots.units import FURTHEST
 from contactsense.scene import Scene, SceneError
-from contactsense.service.cli.finite_range import FiniteRange
-from contactsense.service.cli.joint_angles import joint_angles
-from contactsense.service.cli.output_file import check_writable
+from contactsense.service.cli.options.finite_range import FiniteRange
+from contactsense.service.cli.options.joint_angles import joint_angles
+from contactsense.service.cli.options.output_file import check_writable
 from contactsense.service.recordings.export import check_format, write_columns
 from contactsense.service.recordings.problems import RecordingError
 

@@ -11,10 +11,10 @@ import numpy as np
 from contactsense.detection.detectable_force import DETECTION
 from contactsense.scene import Scene, SceneError
 from contactsense.scene_model.reading_limits import LARGEST_FORCE
-from contactsense.service.cli.finite_range import FiniteRange
-from contactsense.service.cli.joint_angles import joint_angles
 from contactsense.service.cli.map_table import compare_maps, show_map
-from contactsense.service.cli.picture_file import PicturePath, picture_file
+from contactsense.service.cli.options.finite_range import FiniteRange
+from contactsense.service.cli.options.joint_angles import joint_angles
+from contactsense.service.cli.options.picture_file import PicturePath, picture_file
 from contactsense.service.scene.summary import scene_warnings
 from contactsense.surface_map.detectability import Detectability, detectability
 

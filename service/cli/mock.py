@@ -9,7 +9,7 @@ import click
 import numpy as np
 
 from contactsense.scene import Scene, SceneError
-from contactsense.service.cli.output_file import check_writable
+from contactsense.service.cli.options.output_file import check_writable
 from contactsense.service.free_ports import PortError, Wanted, check
 from contactsense.service.live.scheduling import prefer_low_latency
 from contactsense.service.mock.arm.cell import Cell

@@ -13,15 +13,15 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from contactsense.scene import Scene, SceneError
 from contactsense.scene_model.sensor_delays import without_delays
+from contactsense.service.api.http.token_file import TokenError, read_token
 from contactsense.service.api.sample_source import reader_settings
 from contactsense.service.api.scene_file import load_scene
 from contactsense.service.api.settings import OptionsError, Settings, SettingsError
-from contactsense.service.api.token_file import TokenError, read_token
-from contactsense.service.cli.finite_range import FiniteRange
-from contactsense.service.cli.option_names import as_options, refusal
-from contactsense.service.cli.output_file import check_writable
+from contactsense.service.cli.options.finite_range import FiniteRange
+from contactsense.service.cli.options.option_names import as_options, refusal
+from contactsense.service.cli.options.output_file import check_writable
+from contactsense.service.cli.options.sensor_options import from_environment, sensor_options
 from contactsense.service.cli.record_by_service import record_by_service
-from contactsense.service.cli.sensor_options import from_environment, sensor_options
 from contactsense.service.live.scheduling import RECORDER, prefer_low_latency, prioritize
 from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError, read, scene_in
 from contactsense.service.recordings.export import export

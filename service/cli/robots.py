@@ -14,8 +14,8 @@ from rich.table import Table
 from contactsense import robots as library
 from contactsense.robots import Robot, RobotError
 from contactsense.robots.library import EQUIVALENT_MODELS, in_library
-from contactsense.service.cli.joint_angles import joint_angles
-from contactsense.service.cli.picture_file import PicturePath, picture_file
+from contactsense.service.cli.options.joint_angles import joint_angles
+from contactsense.service.cli.options.picture_file import PicturePath, picture_file
 from contactsense.service.drawing.posture import usual_posture
 
 

@@ -14,8 +14,8 @@ from contactsense.robots.file_references import moved
 from contactsense.robots.files.whole_file import write_text
 from contactsense.scene import LinkPrior, Scene, SceneError
 from contactsense.sensors.settings import CURRENTS, JointTorqueSignal
-from contactsense.service.cli.number_list import Numbers
-from contactsense.service.cli.wrench_sensor_options import WrenchSensorOptions
+from contactsense.service.cli.options.number_list import Numbers
+from contactsense.service.cli.options.wrench_sensor_options import WrenchSensorOptions
 from contactsense.service.scene.commented_yaml import commented_yaml
 from contactsense.service.scene.summary import scene_warnings
 

@@ -8,8 +8,8 @@ from rich.console import Console
 from rich.table import Table
 
 from contactsense.scene import Scene, SceneError
-from contactsense.service.cli.joint_angles import joint_angles
-from contactsense.service.cli.picture_file import PicturePath, picture_file
+from contactsense.service.cli.options.joint_angles import joint_angles
+from contactsense.service.cli.options.picture_file import PicturePath, picture_file
 from contactsense.service.drawing.posture import usual_posture
 from contactsense.service.scene.skin_meshes import check_meshes
 from contactsense.service.scene.summary import (

@@ -12,8 +12,8 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from contactsense.scene import Scene, SceneError
-from contactsense.service.api.token_file import TokenError, read_token
-from contactsense.service.cli.option_names import refusal
+from contactsense.service.api.http.token_file import TokenError, read_token
+from contactsense.service.cli.options.option_names import refusal
 from contactsense.service.free_ports import reason
 from contactsense.service.recordings import (
     ColumnMapping,

@@ -20,8 +20,8 @@ MODULES = {
 }
 """Distribution -> the module that it installs, where the names differ."""
 NAMED = {
-    "httptools": ("service/api/connections.py", r"httptools_impl import"),
-    "websockets": ("service/api/connections.py", r"websockets_sansio_impl import"),
+    "httptools": ("service/api/http/connections.py", r"httptools_impl import"),
+    "websockets": ("service/api/http/connections.py", r"websockets_sansio_impl import"),
     "dask": ("service/analysis/fleet/worker_pool.py", r"from distributed import"),
     "mpmath": ("benchmarks/solvers/reference.py", r'import_module\("mpmath"\)'),
     "pycollada": ("robots/library.py", r'"\.dae"'),

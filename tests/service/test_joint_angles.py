@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from contactsense.service.cli.joint_angles import joint_angles
+from contactsense.service.cli.options.joint_angles import joint_angles
 
 
 @pytest.mark.parametrize(

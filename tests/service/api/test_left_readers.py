@@ -8,7 +8,7 @@ from uvicorn.protocols.utils import ClientDisconnected
 from uvicorn.server import ServerState
 from websockets.protocol import State
 
-from contactsense.service.api.connections import ConnectionLimits, LimitedWebSocket, websocket_protocol
+from contactsense.service.api.http.connections import ConnectionLimits, LimitedWebSocket, websocket_protocol
 
 
 class Transport:

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from contactsense import LinkWrenchSensor, Localizer, Scene
-from contactsense.service.api.errors import FieldRefusedError
-from contactsense.service.api.locate import _check
+from contactsense.service.api.http.errors import FieldRefusedError
 from contactsense.service.api.messages import LocateOneIn
+from contactsense.service.api.routes.locate import _check
 from contactsense.service.live.locate_process import StaticSample, _located
 from tests.plain_arm import contacts, plain_ur5e
 

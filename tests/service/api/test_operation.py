@@ -15,7 +15,7 @@ import pytest
 from contactsense.service import logs
 from contactsense.service.api.app import create_app
 from contactsense.service.api.messages import SensorHealth, SourceHealth
-from contactsense.service.api.metrics import Metrics
+from contactsense.service.api.routes.metrics import Metrics
 from contactsense.service.api.service import Service
 from contactsense.service.api.settings import Settings
 from contactsense.service.reactions.health import ActionHealth, ReactionsHealth

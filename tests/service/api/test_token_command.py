@@ -9,7 +9,7 @@ from urllib.parse import parse_qs
 
 import pytest
 
-from contactsense.service.api.token_file import check_token
+from contactsense.service.api.http.token_file import check_token
 
 PAGE = Path(__file__).parents[3] / "docs" / "security.md"
 

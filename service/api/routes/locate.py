@@ -9,8 +9,8 @@ from starlette.exceptions import HTTPException
 from contactsense import Scene
 from contactsense.sensors.link_values import by_field
 from contactsense.service.api import messages
-from contactsense.service.api.errors import BODY_REFUSALS, FieldRefusedError
-from contactsense.service.api.json_route import JsonRoute
+from contactsense.service.api.http.errors import BODY_REFUSALS, FieldRefusedError
+from contactsense.service.api.http.json_route import JsonRoute
 from contactsense.service.api.messages import ErrorOut, EstimateOut, EstimatesOut, LocateIn
 from contactsense.service.api.service import Shared
 from contactsense.service.live.locate_process import LocateError

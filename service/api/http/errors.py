@@ -10,7 +10,7 @@ from starlette.exceptions import HTTPException
 from starlette.requests import HTTPConnection
 
 from contactsense.robots.files.field_errors import joined, reasons
-from contactsense.service.api.json_route import BodyObjectError
+from contactsense.service.api.http.json_route import BodyObjectError
 from contactsense.service.api.messages import ErrorOut, FieldError
 
 Responses = dict[int | str, dict[str, Any]]

@@ -20,7 +20,7 @@ from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
 from contactsense.service.api.app import create_app
-from contactsense.service.api.connections import ConnectionLimits, http_protocol, websocket_protocol
+from contactsense.service.api.http.connections import ConnectionLimits, http_protocol, websocket_protocol
 from contactsense.service.api.settings import Settings, SettingsError
 from tests.service import fakes, http
 from tests.service.loopback import until

@@ -6,8 +6,8 @@ import click
 import pytest
 from click.testing import CliRunner
 
+from contactsense.service.api.http.token_file import read_token
 from contactsense.service.api.settings import Settings, SettingsError
-from contactsense.service.api.token_file import read_token
 from contactsense.service.cli.record import record
 from contactsense.service.cli.view import view
 

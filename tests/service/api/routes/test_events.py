@@ -11,7 +11,7 @@ from fastapi import FastAPI
 from websockets.sync.client import connect
 
 from contactsense.service.api.app import create_app
-from contactsense.service.api.events import router
+from contactsense.service.api.routes.events import router
 from contactsense.service.api.settings import Settings, SettingsError
 from contactsense.service.events.journal import Journal
 from contactsense.service.events.model import ContactEvent

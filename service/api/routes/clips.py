@@ -12,10 +12,10 @@ from pydantic import BaseModel, Field
 from starlette.exceptions import HTTPException
 from starlette.requests import HTTPConnection
 
-from contactsense.service.api.errors import BODY_REFUSALS, FieldRefusedError, Responses
-from contactsense.service.api.json_route import JsonRoute
+from contactsense.service.api.http.errors import BODY_REFUSALS, FieldRefusedError, Responses
+from contactsense.service.api.http.json_route import JsonRoute
+from contactsense.service.api.http.request_body import RequestBody
 from contactsense.service.api.messages import ErrorOut
-from contactsense.service.api.request_body import RequestBody
 from contactsense.service.recordings.clip_files import clip_names, read_clip_file
 from contactsense.service.recordings.clip_listener import RecordingSettings
 

@@ -6,7 +6,7 @@ from typing import Any, TypeVar
 
 import click
 
-from contactsense.service.cli.number_list import Numbers
+from contactsense.service.cli.options.number_list import Numbers
 
 _SIGNS = ("arm_on_sensor", "sensor_on_arm")
 _Command = TypeVar("_Command", bound=Callable[..., Any])

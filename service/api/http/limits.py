@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from contactsense.service.api.access import refuse
+from contactsense.service.api.http.access import refuse
 
 _CLIENTS = 1000
 """Number of clients whose request rates are stored."""

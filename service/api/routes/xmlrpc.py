@@ -3,7 +3,7 @@
 from fastapi import APIRouter, Request, Response
 from starlette.exceptions import HTTPException
 
-from contactsense.service.api.errors import BODY_REFUSALS
+from contactsense.service.api.http.errors import BODY_REFUSALS
 from contactsense.service.controllers.robot_program_servers import XML, answer_call
 from contactsense.service.controllers.xmlrpc import MAX_BODY
 

@@ -6,7 +6,7 @@ from starlette.exceptions import HTTPException
 from starlette.routing import BaseRoute, Match
 from starlette.types import Receive, Scope, Send
 
-from contactsense.service.api.access import refuse
+from contactsense.service.api.http.access import refuse
 
 
 class UnknownPath:

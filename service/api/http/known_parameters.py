@@ -11,7 +11,7 @@ from starlette.requests import HTTPConnection
 from contactsense.robots.files.near_names import did_you_mean
 
 TOKEN = "token"
-"""Parameter by which a WebSocket may send its token; see `contactsense.service.api.access`."""
+"""Parameter by which a WebSocket may send its token; see `contactsense.service.api.http.access`."""
 
 
 def refuse_unknown_parameters(connection: HTTPConnection) -> None:

@@ -2,9 +2,9 @@
 
 import ipaddress
 
-from contactsense.service.api.access import AccessRules
+from contactsense.service.api.http.access import AccessRules
+from contactsense.service.api.http.token_file import TokenError, read_token
 from contactsense.service.api.settings import OptionsError, Settings, SettingsError
-from contactsense.service.api.token_file import TokenError, read_token
 
 
 def is_loopback(host: str) -> bool:
