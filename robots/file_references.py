@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from contactsense.robots.library import URDF_SUFFIXES
+from contactsense.robots.files.suffixes import URDF_SUFFIXES
 
 _FIELDS = ("robot", "kinematics", "meshes")
 

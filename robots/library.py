@@ -9,12 +9,8 @@ from pathlib import Path
 from contactsense.robots import yaml_schema as schema
 from contactsense.robots.errors import RobotError, SurfaceFileError, UnknownRobotError
 from contactsense.robots.extras import install_command
+from contactsense.robots.files.suffixes import MESH_SUFFIXES, URDF_SUFFIXES
 from contactsense.robots.robot import Robot
-
-MESH_SUFFIXES = (".ply", ".dae", ".obj", ".stl", ".glb")
-"""Endings of the files of meshes."""
-URDF_SUFFIXES = (".urdf", ".xml", ".xacro", ".sdf")
-"""Endings of files that are read as URDF; those that are another format are refused with a hint."""
 
 EQUIVALENT_MODELS = {"ur7e": "ur5e", "ur12e": "ur10e"}
 """Models -> the arm in the library whose links and joints they have. They differ from it in the payload that

@@ -13,11 +13,8 @@ from rich.table import Table
 
 from contactsense import Localizer
 from contactsense.benchmarks import options
-from contactsense.benchmarks.hold.simulate import CASES, SLIDE, Case, Finger, scene_of, stream
+from contactsense.benchmarks.hold.simulate import CASES, SLIDE, TIMES, Case, Finger, scene_of, stream
 from contactsense.service.cli.options.picture_file import picture_file
-
-TIMES = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 4.0)
-"""Holding times [s]."""
 
 
 @click.command()

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from contactsense.benchmarks.hold.command import TIMES
+from contactsense.benchmarks.hold.simulate import TIMES
 from contactsense.service.drawing.figure_style import figure_style
 
 

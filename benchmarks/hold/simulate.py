@@ -49,6 +49,8 @@ CASES = (
     Case("moving, masses 2 % off", speed=0.5, wrong=True),
 )
 SLIDE = Case("slide", speed=0.2, slide=0.05)
+TIMES = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 4.0)
+"""Holding times [s]."""
 
 
 def scene_of(case: Case) -> Scene:

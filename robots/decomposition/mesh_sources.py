@@ -10,7 +10,8 @@ from scipy.spatial import cKDTree
 from contactsense import robots
 from contactsense.robots import Joint, Link, Robot, RobotError
 from contactsense.robots.decomposition.grid_builder import cached
-from contactsense.robots.library import MESH_SUFFIXES, URDF_SUFFIXES, in_library
+from contactsense.robots.files.suffixes import MESH_SUFFIXES, URDF_SUFFIXES
+from contactsense.robots.library import in_library
 from contactsense.robots.robot import NO_MASS
 from contactsense.robots.surface.signed_distance_grid import Grids
 from contactsense.robots.urdf.meshes import check_unit, from_folder, read_mesh

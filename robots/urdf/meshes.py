@@ -7,7 +7,7 @@ import trimesh
 from trimesh.units import unit_conversion
 
 from contactsense.robots.errors import RobotError
-from contactsense.robots.library import MESH_SUFFIXES
+from contactsense.robots.files.suffixes import MESH_SUFFIXES
 
 
 def read_mesh(path: Path, scale: float | np.ndarray = 1.0) -> trimesh.Trimesh:

@@ -100,7 +100,7 @@ class Analysis:
         """The timeline of forces as a Matplotlib figure."""
         from contactsense.service.drawing.timeline_figure import timeline_figure
 
-        return timeline_figure(self)
+        return timeline_figure(self.contacts, self.residuals)
 
 
 def analyze(

@@ -13,8 +13,8 @@ from rich.table import Table
 
 from contactsense.robots import Robot, RobotError
 from contactsense.robots.extras import install_command
+from contactsense.robots.files.suffixes import URDF_SUFFIXES
 from contactsense.robots.files.whole_file import write_text
-from contactsense.robots.library import URDF_SUFFIXES
 from contactsense.robots.surface.deviation_table import lines
 from contactsense.service.cli.decompose_fits import PROGRESS_COLUMNS, fit_all, fit_by_parts
 from contactsense.service.cli.measured_surface import measured_again

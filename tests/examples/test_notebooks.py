@@ -31,7 +31,7 @@ def test_a_notebook_runs(path: Path) -> None:
 def test_what_a_plot_needs_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(ModuleNotFoundError, match=r"pip install '\.\[notebook\]'"):
-        timeline_figure(SimpleNamespace())  # type: ignore[arg-type]
+        timeline_figure((), SimpleNamespace())  # type: ignore[arg-type]
 
 
 def test_there_are_notebooks() -> None:

@@ -19,11 +19,11 @@ from contactsense.service.mock.arm.simulated_arm import check_trajectory
 from contactsense.service.mock.arm.surface_check import check_contacts
 from contactsense.service.mock.controller.contact_log import ContactLog
 from contactsense.service.mock.controller.motion_generator import MotionGenerator
+from contactsense.service.mock.controller.program_runner import ProgramRunner
 from contactsense.service.mock.controller.pushes import ScriptedPushes
 from contactsense.service.mock.controller.robot_state import Reading, RuntimeState
 from contactsense.service.mock.physics.arm_simulation import STEP, ArmSimulation
 from contactsense.service.mock.urscript.parser import Program
-from contactsense.service.mock.urscript.program_runner import ProgramRunner
 
 KEPT = 4096
 """Number of past states that are kept for late requests."""

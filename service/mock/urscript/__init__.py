@@ -1,1 +1,1 @@
-"""Programs in URScript: `parser`, the `functions` that the mock knows, and `program_runner`."""
+"""Programs in URScript: a `parser`, and the `functions` that the mock knows."""

@@ -6,10 +6,10 @@ import pytest
 from contactsense.service.mock.arm.cell import Cell
 from contactsense.service.mock.arm.script import Script, ScriptError
 from contactsense.service.mock.arm.simulated_arm import simulate
+from contactsense.service.mock.controller.program_runner import Command
 from contactsense.service.mock.controller.robot_controller import UNLOCK_AFTER, RobotController
 from contactsense.service.mock.controller.robot_state import RuntimeState
 from contactsense.service.mock.urscript.parser import parse
-from contactsense.service.mock.urscript.program_runner import Command
 
 FIELDS = {
     "robot": "ur5e",

@@ -1,16 +1,14 @@
 """Executes a program from a client, statement by statement."""
 
 from enum import IntEnum
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from contactsense.service.mock.arm.script import Watchdog
+from contactsense.service.mock.controller.motion_generator import MotionGenerator
 from contactsense.service.mock.urscript.functions import joint_positions, positive
 from contactsense.service.mock.urscript.parser import CONTROL_SCRIPT, Program, Statement
-
-if TYPE_CHECKING:
-    from contactsense.service.mock.controller.robot_controller import RobotController
 
 _MOVE_SPEED, _MOVE_ACCELERATION = 1.05, 1.4  # defaults of movej [rad/s, rad/s^2]
 _STOP_DECELERATION = 2.0
@@ -26,6 +24,24 @@ class Command(IntEnum):
     STOP_SCRIPT = 255
 
 
+class Commanded(Protocol):
+    """What a program commands: the controller that executes it."""
+
+    motion: MotionGenerator
+    popup: str
+    inputs: dict[str, tuple[Any, ...]]
+    outputs: dict[str, tuple[Any, ...]]
+
+    def send_message(self, message: str) -> None:
+        """Log a message and send it to all listeners."""
+
+    def protective_stop(self, reason: str) -> None:
+        """Stop the arm until the stop is unlocked."""
+
+    def set_watchdog(self, watchdog: Watchdog) -> None:
+        """Watch an input register from now on."""
+
+
 class ProgramRunner:
     """A running program.
 
@@ -34,7 +50,7 @@ class ProgramRunner:
         controller: The controller that executes it.
     """
 
-    def __init__(self, program: Program, controller: "RobotController") -> None:
+    def __init__(self, program: Program, controller: Commanded) -> None:
         self._program = program
         self._controller = controller
         self._waiting = list(program.statements)
@@ -116,7 +132,7 @@ class ControlInterface:
     2. The next command may follow when the command is 0 again and the output register is 1.
     """
 
-    def __init__(self, program: Program, controller: "RobotController") -> None:
+    def __init__(self, program: Program, controller: Commanded) -> None:
         self._controller = controller
         self._offset = program.register_offset
         self._running = False
