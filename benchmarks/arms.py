@@ -3,7 +3,7 @@
 import click
 
 from contactsense import robots
-from contactsense.benchmarks.franka import panda
+from contactsense.benchmarks import panda
 from contactsense.robots import Robot, RobotError
 
 

@@ -19,12 +19,12 @@ from rich.table import Table
 
 from contactsense import JointTorqueSensor, Localizer, Scene, WrenchSensor
 from contactsense.benchmarks import options
-from contactsense.benchmarks.accuracy.static_cases import COLUMNS
 from contactsense.benchmarks.live.search_parts import microseconds
+from contactsense.benchmarks.static_truth.cases import COLUMNS
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import build_model, empty_motion
+from contactsense.robots.primitives import Capsule
 from contactsense.robots.robot import Inertia, Joint, Link, Robot
-from contactsense.robots.surface.primitives import Capsule
 from contactsense.service.drawing.figure_style import figure_style
 
 mpl.use("Agg")

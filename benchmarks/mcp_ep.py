@@ -23,12 +23,12 @@ from rich.table import Table
 from scipy.stats import binomtest
 
 from contactsense import JointTorqueSensor, Scene, WrenchSensor
-from contactsense.benchmarks.accuracy.static_cases import ASSUMED, COLUMNS, Noise
 from contactsense.benchmarks.arms import arm
 from contactsense.benchmarks.compare import NEAR
 from contactsense.benchmarks.peers.exploration_filter import ExplorationFilter, Found
 from contactsense.benchmarks.peers.one_by_one import OneByOne
 from contactsense.benchmarks.peers.touches import Toucher, Touches
+from contactsense.benchmarks.static_truth.cases import ASSUMED, COLUMNS, Noise
 
 REPORTED = ((99.96, 1.6), (96.70, 10.8), (81.63, 35.0))
 """Success [%] and RMSE [mm] in the paper for one, two and three contacts, on a Panda."""

@@ -6,8 +6,8 @@ from typing import Any, TypeVar, get_args
 
 import click
 
-from contactsense.benchmarks.accuracy.static_cases import SENSORS, Detail
-from contactsense.benchmarks.accuracy.static_points import HALVES
+from contactsense.benchmarks.static_truth.cases import SENSORS, Detail
+from contactsense.benchmarks.static_truth.points import HALVES
 from contactsense.scene import LinkPrior
 from contactsense.service.cli.options.finite_range import FiniteRange
 

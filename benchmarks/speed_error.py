@@ -11,7 +11,6 @@ from rich.console import Console
 from rich.progress import Progress
 
 from contactsense.benchmarks import options
-from contactsense.benchmarks.accuracy.static_cases import COLUMNS
 from contactsense.benchmarks.peers import PEERS
 from contactsense.benchmarks.peers.cases import MESHES, ROBOTS, TRUTH, Case, answer, errors, static_cases
 from contactsense.benchmarks.peers.method import Located, Method
@@ -19,6 +18,7 @@ from contactsense.benchmarks.pictures.mark import DETAILS, QUANTILES, Mark, draw
 from contactsense.benchmarks.pictures.speed_multi_contact import several
 from contactsense.benchmarks.posterior.dense import Dense, Geometry
 from contactsense.benchmarks.posterior.table import GEOMETRIES, Skins
+from contactsense.benchmarks.static_truth.cases import COLUMNS
 
 NOISES = (COLUMNS[0], COLUMNS[2])
 SKIPPED = 500

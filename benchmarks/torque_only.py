@@ -15,10 +15,10 @@ from rich.progress import track
 from rich.table import Table
 
 from contactsense import JointTorqueSensor, Scene, WrenchSensor
-from contactsense.benchmarks.accuracy.static_cases import ASSUMED, COLUMNS, Noise
 from contactsense.benchmarks.compare import NEAR
 from contactsense.benchmarks.peers.method import Located
 from contactsense.benchmarks.peers.touches import Toucher, Touches
+from contactsense.benchmarks.static_truth.cases import ASSUMED, COLUMNS, Noise
 
 FORCE = 20.0
 """Magnitude of each force [N]."""

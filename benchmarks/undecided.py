@@ -19,12 +19,12 @@ from rich.progress import track
 from rich.table import Table
 
 from contactsense import Contact
-from contactsense.benchmarks.accuracy.static_cases import COLUMNS, Noise
 from contactsense.benchmarks.compare import NEAR
 from contactsense.benchmarks.mcp_ep import CONTACTS, HELD, scene_of, sequence
 from contactsense.benchmarks.multi_contact.measure import match
 from contactsense.benchmarks.multi_contact.perfect_search import Oracle
 from contactsense.benchmarks.peers.touches import Toucher, Touches
+from contactsense.benchmarks.static_truth.cases import COLUMNS, Noise
 
 TOLERANCE = 1.0
 """Difference in log evidence within which two explanations count as equally good."""

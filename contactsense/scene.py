@@ -27,9 +27,9 @@ from contactsense.robots.files.field_errors import Place, describe, reasons
 from contactsense.robots.files.file_model import FileModel
 from contactsense.robots.files.yaml_fields import read_fields
 from contactsense.robots.library import in_library, is_library_file
+from contactsense.robots.primitives import Vector
 from contactsense.robots.robot import NO_MASS, Inertia
 from contactsense.robots.rotations import rotation_from_rpy
-from contactsense.robots.surface.primitives import Vector
 from contactsense.robots.surroundings import Body
 from contactsense.robots.tool import Tool
 from contactsense.robots.units import within_one_turn

@@ -22,8 +22,9 @@ from contactsense import Localizer, Scene
 from contactsense.service.mock.arm.script import Script
 from contactsense.service.mock.arm.simulated_arm import simulate
 from contactsense.service.mock.servers import MockServers, MockSettings
-from contactsense.service.sensors.live_source import LiveSource, SourceSettings
+from contactsense.service.sensors.live_source import LiveSource
 from contactsense.service.sensors.robot_stream import SensorError
+from contactsense.service.sensors.source_settings import SourceSettings
 
 DURATION = 8.0  # [s]
 BUDGET = 0.002  # time between two samples [s]

@@ -23,7 +23,7 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import InvalidURI, WebSocketException
 from websockets.uri import parse_uri
 
-from contactsense.service.cli.serve import READY
+from contactsense.service.api import READY
 from contactsense.service.demo.child_process import child
 from contactsense.service.mock.arm.script import Script
 from contactsense.service.mock.arm.simulated_arm import Motion, simulate

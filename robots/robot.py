@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contactsense.robots.surface.primitives import Primitive
+from contactsense.robots.primitives import Primitive
 
 
 def _frozen(array: np.ndarray, shape: tuple[int, ...], name: str) -> np.ndarray:

@@ -7,11 +7,11 @@ import numpy as np
 from pydantic import ConfigDict, Field
 
 from contactsense.robots.files.file_model import FileModel
+from contactsense.robots.primitives import Primitive, Vector
 from contactsense.robots.robot import NO_MASS, Link
 from contactsense.robots.rotations import rotation_from_rpy
 from contactsense.robots.surface.convex_primitives import Surfaces, pack
 from contactsense.robots.surface.deviation_table import DeviationTable
-from contactsense.robots.surface.primitives import Primitive, Vector
 
 Role = Literal["obstacle", "cover", "pedestal"]
 

@@ -6,11 +6,11 @@ import numpy as np
 from pydantic import ConfigDict, Field, NonNegativeFloat, field_validator
 
 from contactsense.robots.files.file_model import FileModel
+from contactsense.robots.primitives import Primitive, Vector
 from contactsense.robots.principal_moments import check_principal_moments
 from contactsense.robots.robot import Inertia
 from contactsense.robots.rotations import symmetric
 from contactsense.robots.surface.deviation_table import DeviationTable
-from contactsense.robots.surface.primitives import Primitive, Vector
 
 _Tensor = tuple[float, float, float, float, float, float]
 

@@ -25,12 +25,12 @@ from contactsense.robots.errors import RobotError, SurfaceFileError
 from contactsense.robots.files import yaml_fields
 from contactsense.robots.files.field_errors import joined, reasons
 from contactsense.robots.files.file_model import FileModel
+from contactsense.robots.primitives import Primitive, Vector
 from contactsense.robots.principal_moments import check_principal_moments
 from contactsense.robots.robot import Inertia, Joint, Link, Robot
 from contactsense.robots.rotations import rotation_from_rpy, symmetric
 from contactsense.robots.surface.deviation_table import read_cells
 from contactsense.robots.surface.primitive_extent import beyond
-from contactsense.robots.surface.primitives import Primitive, Vector
 from contactsense.robots.units import FURTHEST, in_metres, within_one_turn
 
 Place = Annotated[Vector, AfterValidator(in_metres)]

@@ -9,8 +9,8 @@ import numpy as np
 from contactsense import robots
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import Motion, build_model, empty_motion
+from contactsense.robots.primitives import Capsule, Cylinder, Primitive
 from contactsense.robots.surface.convex_primitives import Surfaces, pack, project
-from contactsense.robots.surface.primitives import Capsule, Cylinder, Primitive
 
 
 def _tube(a: tuple[float, float, float], b: tuple[float, float, float], radius: float) -> Cylinder:

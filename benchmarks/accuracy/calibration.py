@@ -14,7 +14,16 @@ from scipy.stats import binomtest, chi2
 
 from contactsense import Contact, Localizer
 from contactsense.benchmarks import options
-from contactsense.benchmarks.accuracy.credible_regions import (
+from contactsense.benchmarks.static_truth.cases import (
+    COLUMNS,
+    Detail,
+    Noise,
+    measured,
+    scene_of,
+    stated_noise,
+)
+from contactsense.benchmarks.static_truth.points import HALVES, StaticPoints, read, select
+from contactsense.benchmarks.statistics.credible_regions import (
     EDGE,
     Mixture,
     distance,
@@ -25,16 +34,7 @@ from contactsense.benchmarks.accuracy.credible_regions import (
     samples,
     within,
 )
-from contactsense.benchmarks.accuracy.reliability import Reliability, reliability
-from contactsense.benchmarks.accuracy.static_cases import (
-    COLUMNS,
-    Detail,
-    Noise,
-    measured,
-    scene_of,
-    stated_noise,
-)
-from contactsense.benchmarks.accuracy.static_points import HALVES, StaticPoints, read, select
+from contactsense.benchmarks.statistics.reliability import Reliability, reliability
 from contactsense.benchmarks.truth_arms import name_of, static_arms
 from contactsense.scene import LinkPrior
 

@@ -13,8 +13,8 @@ from rich.table import Table
 
 from contactsense import Localizer
 from contactsense.benchmarks import options
-from contactsense.benchmarks.accuracy.static_cases import COLUMNS, Noise, measured, scene_of
-from contactsense.benchmarks.accuracy.static_points import HALVES, StaticPoints, read, select
+from contactsense.benchmarks.static_truth.cases import COLUMNS, Noise, measured, scene_of
+from contactsense.benchmarks.static_truth.points import HALVES, StaticPoints, read, select
 from contactsense.benchmarks.truth_arms import name_of, static_arms
 
 ROUNDS = 3

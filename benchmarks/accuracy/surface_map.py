@@ -23,7 +23,7 @@ from contactsense import (
     robots,
 )
 from contactsense.benchmarks import options
-from contactsense.benchmarks.accuracy.static_cases import COLUMNS, SENSORS, Noise
+from contactsense.benchmarks.static_truth.cases import COLUMNS, SENSORS, Noise
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import build_model, empty_motion
 from contactsense.robots import RobotError

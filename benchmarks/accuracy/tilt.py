@@ -18,8 +18,8 @@ from rich.table import Table
 
 from contactsense.benchmarks import options
 from contactsense.benchmarks.accuracy.calibration import Share, Verdict, judge
-from contactsense.benchmarks.accuracy.static_cases import COLUMNS, Detail, Noise, scene_of
-from contactsense.benchmarks.accuracy.static_points import StaticPoints, read, read_arrays
+from contactsense.benchmarks.static_truth.cases import COLUMNS, Detail, Noise, scene_of
+from contactsense.benchmarks.static_truth.points import StaticPoints, read, read_arrays
 from contactsense.benchmarks.truth_arms import name_of, static_arms
 from contactsense.robots.link_poses import link_poses
 from contactsense.robots.surface.union import nearest

@@ -15,8 +15,8 @@ from rich.table import Table
 
 from contactsense import Localizer
 from contactsense.benchmarks import options
-from contactsense.benchmarks.accuracy.static_cases import COLUMNS, SENSORS, Detail, Noise, measured, scene_of
-from contactsense.benchmarks.accuracy.static_points import StaticPoints, read
+from contactsense.benchmarks.static_truth.cases import COLUMNS, SENSORS, Detail, Noise, measured, scene_of
+from contactsense.benchmarks.static_truth.points import StaticPoints, read
 from contactsense.benchmarks.truth_arms import name_of, static_arms
 from contactsense.output.batch import Batch
 from contactsense.static_localizer import Method

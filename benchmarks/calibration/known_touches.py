@@ -19,7 +19,6 @@ from rich.table import Table
 
 from contactsense import Localizer, SampleBlock
 from contactsense.benchmarks import options
-from contactsense.benchmarks.accuracy.reliability import reliability
 from contactsense.benchmarks.calibration.force_threshold import force_threshold
 from contactsense.benchmarks.calibration.recordings import (
     FREE,
@@ -29,6 +28,7 @@ from contactsense.benchmarks.calibration.recordings import (
     read,
 )
 from contactsense.benchmarks.posterior.samples import Samples, of_primitives
+from contactsense.benchmarks.statistics.reliability import reliability
 from contactsense.calibration import FreeMotion
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import Motion, build_model, empty_motion

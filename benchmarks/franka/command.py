@@ -11,10 +11,9 @@ from rich.table import Table
 from scipy.stats import binomtest, norm
 
 from contactsense import Localizer, Scene
-from contactsense.benchmarks import options
-from contactsense.benchmarks.accuracy.reliability import Reliability, reliability
-from contactsense.benchmarks.franka import panda
+from contactsense.benchmarks import options, panda
 from contactsense.benchmarks.franka.touches import LOADED, Touches, last_joint_above, loaded, read
+from contactsense.benchmarks.statistics.reliability import Reliability, reliability
 from contactsense.detection.false_alarm_rate import HOUR
 from contactsense.scene import LinkPrior
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contactsense.benchmarks.franka.panda import DRIFT
+from contactsense.benchmarks.panda import DRIFT
 
 LOADED = 3.0
 """A touch counts if some torque changes by more than this many standard deviations of the drift: in the

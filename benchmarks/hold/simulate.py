@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from contactsense import JointTorqueSensor, Sample, Scene, WrenchSensor, robots
-from contactsense.benchmarks.accuracy.static_cases import COLUMNS, Noise
 from contactsense.benchmarks.motion.model_error import MASS_ERROR, heavier
+from contactsense.benchmarks.static_truth.cases import COLUMNS, Noise
 from contactsense.kinematics.inverse_dynamics import inverse_dynamics
 from contactsense.kinematics.model import build_model, empty_motion
 from contactsense.robots.surface.union import distances

@@ -21,8 +21,8 @@ from websockets.sync.connection import Connection
 
 from contactsense.benchmarks.live.echo import Echo, EchoTimes, set_apart
 from contactsense.benchmarks.live.histogram import Histogram, bars, histogram
+from contactsense.service.api import READY
 from contactsense.service.api.client import ClientError
-from contactsense.service.cli.serve import READY
 from contactsense.service.demo.child_process import ChildError, child
 from contactsense.service.mock.arm.script import Script
 from contactsense.service.mock.arm.simulated_arm import simulate

@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense import Localizer, Scene
-from contactsense.benchmarks.accuracy.static_cases import Noise
 from contactsense.benchmarks.motion.at_rest import locate_at_rest, with_noise_scaled
 from contactsense.benchmarks.motion.streams import Stream
+from contactsense.benchmarks.static_truth.cases import Noise
 
 
 class AveragingLimit(NamedTuple):

@@ -18,12 +18,12 @@ from contactsense.benchmarks.accuracy.calibration import (
     summarize,
     verdict,
 )
-from contactsense.benchmarks.accuracy.static_cases import COLUMNS, Noise
 from contactsense.benchmarks.motion import options as motion_options
 from contactsense.benchmarks.motion.command import samples, scene_for
 from contactsense.benchmarks.motion.options import MODELS
 from contactsense.benchmarks.motion.score import AGES, samples_at_ages
 from contactsense.benchmarks.motion.streams import Stream, read, redrawn, with_velocity_noise
+from contactsense.benchmarks.static_truth.cases import COLUMNS, Noise
 from contactsense.benchmarks.truth_arms import files_of
 
 

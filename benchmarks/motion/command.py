@@ -13,7 +13,6 @@ from rich.table import Table
 
 from contactsense import JointTorqueSensor, Localizer, Sample, Scene, WrenchSensor
 from contactsense.benchmarks import options
-from contactsense.benchmarks.accuracy.static_cases import ASSUMED, COLUMNS, SENSORS, Noise
 from contactsense.benchmarks.accuracy.truth import error_quantiles
 from contactsense.benchmarks.arms import arm
 from contactsense.benchmarks.motion import options as motion_options
@@ -29,6 +28,7 @@ from contactsense.benchmarks.motion.model_error import (
 from contactsense.benchmarks.motion.options import MODELS
 from contactsense.benchmarks.motion.score import AGES, Answer, Score
 from contactsense.benchmarks.motion.streams import KINDS, SUITES, Stream, read, redrawn, with_velocity_noise
+from contactsense.benchmarks.static_truth.cases import ASSUMED, COLUMNS, SENSORS, Noise
 from contactsense.benchmarks.truth_arms import files_of, name_of
 from contactsense.residuals.momentum_observer import noise_variance_ratio
 from contactsense.sensors.settings import Friction

@@ -5,8 +5,8 @@ from typing import Any
 
 import click
 
-from contactsense.benchmarks.accuracy.static_cases import COLUMNS
 from contactsense.benchmarks.motion.streams import SUITES
+from contactsense.benchmarks.static_truth.cases import COLUMNS
 from contactsense.service.cli.options.finite_range import FiniteRange
 
 MODELS = {"exact": (False,), "wrong": (True,), "both": (False, True)}

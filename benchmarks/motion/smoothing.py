@@ -17,8 +17,6 @@ from scipy.stats import binomtest
 from contactsense import Localizer, SampleBlock
 from contactsense.benchmarks import options
 from contactsense.benchmarks.accuracy.calibration import REGION
-from contactsense.benchmarks.accuracy.credible_regions import level, mixture
-from contactsense.benchmarks.accuracy.static_cases import COLUMNS, Noise
 from contactsense.benchmarks.accuracy.truth import error_quantiles
 from contactsense.benchmarks.motion import options as motion_options
 from contactsense.benchmarks.motion.command import samples, scene_for
@@ -26,6 +24,8 @@ from contactsense.benchmarks.motion.options import MODELS
 from contactsense.benchmarks.motion.score import FORCE
 from contactsense.benchmarks.motion.smoothing_limit import smoothing_limit, true_path
 from contactsense.benchmarks.motion.streams import Stream, read, redrawn
+from contactsense.benchmarks.static_truth.cases import COLUMNS, Noise
+from contactsense.benchmarks.statistics.credible_regions import level, mixture
 from contactsense.benchmarks.truth_arms import files_of
 from contactsense.runtime.result_rows import LINK, POINT_BASE
 from contactsense.scene import Scene

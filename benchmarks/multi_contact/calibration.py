@@ -12,7 +12,6 @@ from rich.progress import Progress
 
 from contactsense import Contact, Estimate, Explanation, Localizer
 from contactsense.benchmarks import options
-from contactsense.benchmarks.accuracy.static_cases import COLUMNS, SENSORS, Detail, Noise
 from contactsense.benchmarks.multi_contact.calibration_summary import (
     plain,
     print_reliability,
@@ -23,6 +22,7 @@ from contactsense.benchmarks.multi_contact.calibration_verdict import Verdict, i
 from contactsense.benchmarks.multi_contact.measure import Scenario, localizer_for
 from contactsense.benchmarks.multi_contact.mesh_trials import MeshTrials
 from contactsense.benchmarks.multi_contact.trials import Trial, Trials
+from contactsense.benchmarks.static_truth.cases import COLUMNS, SENSORS, Detail, Noise
 from contactsense.service.cli.options.finite_range import FiniteRange
 
 SCENARIOS = {

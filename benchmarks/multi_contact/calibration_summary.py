@@ -8,9 +8,9 @@ from rich.console import Console
 from rich.table import Table
 
 from contactsense.benchmarks.accuracy.calibration import Share
-from contactsense.benchmarks.accuracy.reliability import Reliability, reliability
-from contactsense.benchmarks.accuracy.static_cases import Noise
 from contactsense.benchmarks.multi_contact.calibration_verdict import Verdict
+from contactsense.benchmarks.static_truth.cases import Noise
+from contactsense.benchmarks.statistics.reliability import Reliability, reliability
 
 
 class Summary(NamedTuple):

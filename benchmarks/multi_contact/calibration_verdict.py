@@ -7,7 +7,7 @@ import numpy as np
 
 from contactsense import Contact, Explanation
 from contactsense.benchmarks.accuracy.calibration import NEAR, REGION
-from contactsense.benchmarks.accuracy.credible_regions import explains, level, mixture, samples
+from contactsense.benchmarks.statistics.credible_regions import explains, level, mixture, samples
 
 _SHIFT = 97
 """Offset between the draws of one contact and the next one of the same explanation."""

@@ -11,11 +11,11 @@ from rich.progress import Progress
 from rich.table import Table
 
 from contactsense.benchmarks import options
-from contactsense.benchmarks.accuracy.static_cases import COLUMNS, Detail, Noise
 from contactsense.benchmarks.multi_contact.measure import WITHIN, Scenario, localizer_for, measure
 from contactsense.benchmarks.multi_contact.pairs import measure_pairs
 from contactsense.benchmarks.multi_contact.stream import measure_stream
 from contactsense.benchmarks.multi_contact.trials import Links
+from contactsense.benchmarks.static_truth.cases import COLUMNS, Detail, Noise
 
 SCENARIOS = (Scenario("one_by_one", 0.5), Scenario("one_by_one", None), Scenario("at_once", None))
 

@@ -8,9 +8,9 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from contactsense import Contact, JointTorqueSensor, Localizer, Scene, WrenchSensor
-from contactsense.benchmarks.accuracy.static_cases import ASSUMED, SENSORS, Detail, Noise
 from contactsense.benchmarks.arms import arm
 from contactsense.benchmarks.multi_contact.trials import Links, Trials
+from contactsense.benchmarks.static_truth.cases import ASSUMED, SENSORS, Detail, Noise
 
 Arrival = Literal["at_once", "one_by_one"]
 

@@ -10,8 +10,8 @@ import click
 import numpy as np
 
 from contactsense import Contact, Localizer
-from contactsense.benchmarks.accuracy.static_cases import Detail, Noise
 from contactsense.benchmarks.multi_contact.measure import WITHIN, localizer_for, match, summary
+from contactsense.benchmarks.static_truth.cases import Detail, Noise
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.inverse_dynamics import inverse_dynamics
 from contactsense.kinematics.model import Model, build_model, empty_motion

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from contactsense import Estimate, Localizer, Sample
-from contactsense.benchmarks.accuracy.static_cases import Noise
 from contactsense.benchmarks.multi_contact.measure import WITHIN, match
 from contactsense.benchmarks.multi_contact.trials import Push, Trial, Trials
+from contactsense.benchmarks.static_truth.cases import Noise
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.inverse_dynamics import inverse_dynamics
 from contactsense.kinematics.model import build_model, empty_motion

@@ -17,7 +17,7 @@ class Peer(NamedTuple):
     """A published method, and the sensors that it needs."""
 
     sensors: str
-    """Key of `contactsense.benchmarks.accuracy.static_cases.SENSORS`."""
+    """Key of `contactsense.benchmarks.static_truth.cases.SENSORS`."""
     make: Callable[[Scene], Method]
     """The method for the arm, surface and noise of a scene with those sensors."""
 

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 
 from contactsense import Scene
-from contactsense.benchmarks.accuracy.static_points import StaticPoints, read
 from contactsense.benchmarks.peers.cases import TRUTH, weight
 from contactsense.benchmarks.peers.skin_table import Table
 from contactsense.benchmarks.peers.touches import Toucher, Touches
+from contactsense.benchmarks.static_truth.points import StaticPoints, read
 from contactsense.benchmarks.truth_arms import STATIC, file_of
 
 FORCE = 20.0

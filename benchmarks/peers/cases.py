@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense import Scene
-from contactsense.benchmarks.accuracy.static_cases import COLUMNS, SENSORS, Detail, Noise, measured, scene_of
-from contactsense.benchmarks.accuracy.static_points import StaticPoints, read, select
 from contactsense.benchmarks.peers.method import Answers, Method
+from contactsense.benchmarks.static_truth.cases import COLUMNS, SENSORS, Detail, Noise, measured, scene_of
+from contactsense.benchmarks.static_truth.points import StaticPoints, read, select
 from contactsense.kinematics.model import build_model, empty_motion
 from contactsense.kinematics.momenta import kinematics_and_momenta
 

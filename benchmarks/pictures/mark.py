@@ -8,7 +8,7 @@ import matplotlib as mpl
 import numpy as np
 from rich.table import Table
 
-from contactsense.benchmarks.accuracy.static_cases import Detail, Noise
+from contactsense.benchmarks.static_truth.cases import Detail, Noise
 from contactsense.service.drawing.figure_style import figure_style
 from contactsense.service.drawing.palette import SERIES
 

@@ -9,11 +9,11 @@ from rich.console import Console
 from rich.progress import Progress
 
 from contactsense.benchmarks import options
-from contactsense.benchmarks.accuracy.static_cases import COLUMNS, Detail
-from contactsense.benchmarks.accuracy.static_points import HALVES, read, select
 from contactsense.benchmarks.peers.cases import MESHES, ROBOTS, TRUTH
 from contactsense.benchmarks.posterior.dense import Geometry, Rule
 from contactsense.benchmarks.posterior.table import GEOMETRIES, Row, Skins, rows, table
+from contactsense.benchmarks.static_truth.cases import COLUMNS, Detail
+from contactsense.benchmarks.static_truth.points import HALVES, read, select
 
 
 @click.command()

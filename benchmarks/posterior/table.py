@@ -9,13 +9,13 @@ from typing import Any, get_args
 from rich.table import Table
 
 from contactsense import Scene
-from contactsense.benchmarks.accuracy.static_cases import COLUMNS, Detail, Noise
-from contactsense.benchmarks.accuracy.static_points import StaticPoints
 from contactsense.benchmarks.peers.cases import Case, Score, answer, cases, errors, score
 from contactsense.benchmarks.peers.method import Located
 from contactsense.benchmarks.posterior.bootstrap import Ratio, ratio
 from contactsense.benchmarks.posterior.dense import Dense, Geometry, Rule
 from contactsense.benchmarks.posterior.samples import Samples, of_meshes, of_primitives
+from contactsense.benchmarks.static_truth.cases import COLUMNS, Detail, Noise
+from contactsense.benchmarks.static_truth.points import StaticPoints
 
 AMBIGUOUS = 0.05
 """An answer is ambiguous if this much of the probability is on other links."""

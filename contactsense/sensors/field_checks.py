@@ -4,8 +4,8 @@ from collections.abc import Container, Sequence
 
 from pydantic import BaseModel
 
+from contactsense.robots.primitives import Primitive
 from contactsense.robots.surface.primitive_extent import beyond
-from contactsense.robots.surface.primitives import Primitive
 from contactsense.robots.surroundings import Body
 from contactsense.robots.tool import Tool
 from contactsense.robots.units import FURTHEST, FURTHEST_BODY, in_metres, within_one_turn

@@ -17,8 +17,8 @@ from pydantic import (
 from contactsense.robots import Inertia
 from contactsense.robots.attribute_docs import with_attributes
 from contactsense.robots.files.file_model import FileModel
+from contactsense.robots.primitives import Vector
 from contactsense.robots.rotations import rotation_from_rpy
-from contactsense.robots.surface.primitives import Vector
 from contactsense.robots.units import in_metres, within_one_turn
 from contactsense.sensors.field_checks import in_seconds
 

@@ -8,6 +8,7 @@ import numpy as np
 from contactsense.robots.decomposition.distance_samples import Shape
 from contactsense.robots.decomposition.least_squares_fit import Bodies
 from contactsense.robots.decomposition.outer_skin import Skin, Surroundings
+from contactsense.robots.primitives import Primitive
 from contactsense.robots.surface.convex_primitives import (
     BOX,
     REVOLVED,
@@ -15,7 +16,6 @@ from contactsense.robots.surface.convex_primitives import (
     body,
     bounding_radius,
 )
-from contactsense.robots.surface.primitives import Primitive
 from contactsense.robots.surface.union import distances
 
 ROOM = 0.003

@@ -7,10 +7,7 @@ import numpy as np
 import yaml
 
 from contactsense.robots.decomposition.least_squares_fit import Bodies
-from contactsense.robots.robot import Inertia
-from contactsense.robots.rotations import rpy_from_rotation
-from contactsense.robots.surface.convex_primitives import ELLIPSOID, REVOLVED
-from contactsense.robots.surface.primitives import (
+from contactsense.robots.primitives import (
     Box,
     Capsule,
     Cylinder,
@@ -19,6 +16,9 @@ from contactsense.robots.surface.primitives import (
     Sphere,
     Vector,
 )
+from contactsense.robots.robot import Inertia
+from contactsense.robots.rotations import rpy_from_rotation
+from contactsense.robots.surface.convex_primitives import ELLIPSOID, REVOLVED
 
 _TINY = 2e-5
 """Dimensions of a core below this count as zero [m]."""

@@ -1,5 +1,5 @@
-"""Surfaces of links: convex primitives as data, and their compiled geometry.
+"""Surfaces of links: the compiled geometry of convex primitives, and how far they are from the real surface.
 
-`primitives` and `deviation_table` are what files state; `convex_primitives`, their `union` and the
-`signed_distance_grid` of a skin are compiled. `rendering` draws them.
+`convex_primitives`, their `union` and the `signed_distance_grid` of a skin are compiled; `deviation_table` is
+what files state of the real surface. `rendering` draws the primitives.
 """

@@ -1,6 +1,6 @@
 """Compiled geometry of convex primitives: signed distance, nearest point, normal, curvature, support point.
 
-All of `contactsense.robots.surface.primitives` come down to three kinds, each a convex core plus a ball
+All of `contactsense.robots.primitives` come down to three kinds, each a convex core plus a ball
 (Minkowski sum), so that a normal exists everywhere:
 
 - `REVOLVED`: a trapezoid (-h, 0), (-h, R0), (h, R1), (h, 0) in the (z, rho) half plane, turned about z, plus
@@ -21,10 +21,10 @@ import numpy as np
 
 from contactsense.robots.jit.declaration import Floats, Integers
 from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.primitives import Box, Capsule, Cylinder, Ellipsoid, Primitive, Sphere
 from contactsense.robots.robot import Link
 from contactsense.robots.rotations import frame_along, rotation_from_rpy
 from contactsense.robots.surface.ellipsoid_projection import Dimensions, Projection, nearest_on_ellipsoid
-from contactsense.robots.surface.primitives import Box, Capsule, Cylinder, Ellipsoid, Primitive, Sphere
 from contactsense.robots.vectors import Vector
 
 ShapeOperator = tuple[float, float, float, float, float, float]

@@ -5,8 +5,8 @@ from itertools import product
 
 import numpy as np
 
+from contactsense.robots.primitives import Box, Capsule, Cylinder, Ellipsoid, Primitive, Sphere
 from contactsense.robots.rotations import rotation_from_rpy
-from contactsense.robots.surface.primitives import Box, Capsule, Cylinder, Ellipsoid, Primitive, Sphere
 
 
 def bounds(primitive: Primitive) -> tuple[np.ndarray, np.ndarray]:

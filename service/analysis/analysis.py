@@ -98,7 +98,7 @@ class Analysis:
 
     def plot(self) -> Any:
         """The timeline of forces as a Matplotlib figure."""
-        from contactsense.service.drawing.timeline_figure import timeline_figure
+        from contactsense.service.analysis.timeline_figure import timeline_figure
 
         return timeline_figure(self.contacts, self.residuals)
 

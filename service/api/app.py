@@ -14,10 +14,10 @@ from fastapi.responses import RedirectResponse
 from fastapi_offline import FastAPIOffline
 
 from contactsense import Scene
+from contactsense.service.api.exposure import access_rules
 from contactsense.service.api.http import errors
 from contactsense.service.api.http.access import OPEN_PATHS, Access
 from contactsense.service.api.http.ending import Ending
-from contactsense.service.api.http.exposure import access_rules
 from contactsense.service.api.http.head import Head
 from contactsense.service.api.http.known_parameters import refuse_unknown_parameters
 from contactsense.service.api.http.limits import Limits

@@ -18,14 +18,15 @@ from contactsense import Scene
 from contactsense.plausibility.plausible_limits import PlausibleLimits
 from contactsense.service.api import messages
 from contactsense.service.api.clip_recording import check_folder, clip_listeners
+from contactsense.service.api.clips import Clips
 from contactsense.service.api.http.connections import ConnectionLimits
 from contactsense.service.api.http.limits import RequestLimits
 from contactsense.service.api.messages import HealthOut
-from contactsense.service.api.routes import clips, track
-from contactsense.service.api.routes.metrics import Metrics
+from contactsense.service.api.metrics import Metrics
 from contactsense.service.api.sample_source import check_robot_address, open_source
 from contactsense.service.api.scene_file import load_scene
 from contactsense.service.api.settings import Settings, SettingsError
+from contactsense.service.api.tracks import Tracks
 from contactsense.service.controllers.robot_program import NewestEstimate, RobotProgramMethods
 from contactsense.service.controllers.robot_program_servers import RobotProgramServers
 from contactsense.service.events.journal import Journal, JournalError
@@ -67,7 +68,7 @@ class Service:
             except JournalError as error:
                 raise SettingsError(str(error)) from None
         check_folder(settings)
-        self.clips = clips.Clips(settings.recording, lambda command: self.runner.send(command))
+        self.clips = Clips(settings.recording, lambda command: self.runner.send(command))
         self.journal: Journal
         """Events; open while the service runs."""
         self._contacts: OpenContacts
@@ -96,7 +97,7 @@ class Service:
             self._listeners(),
             on_loading,
         )
-        self.tracks = track.Tracks(settings.controllers, self.hub)
+        self.tracks = Tracks(settings.controllers, self.hub)
         newest = NewestEstimate(self.hub, lambda: self.runner.current)
         self.robot_program = RobotProgramMethods(newest, self.reactions)
         self.ports = RobotProgramServers(settings.controllers, self.robot_program)

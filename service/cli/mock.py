@@ -12,6 +12,7 @@ from contactsense.scene import Scene, SceneError
 from contactsense.service.cli.options.output_file import check_writable
 from contactsense.service.free_ports import PortError, Wanted, check
 from contactsense.service.live.scheduling import prefer_low_latency
+from contactsense.service.mock import READY
 from contactsense.service.mock.arm.cell import Cell
 from contactsense.service.mock.arm.script import Script, ScriptError
 from contactsense.service.mock.controller.robot_controller import RobotController
@@ -19,9 +20,6 @@ from contactsense.service.mock.interfaces.rtde_server import PORT
 from contactsense.service.mock.live_servers import InterfacePorts, LiveServers
 from contactsense.service.mock.servers import MockSettings
 from contactsense.service.wire.rtde_fields import JOINTS
-
-READY = "mock arm at "
-"""Beginning of the line on stdout that lists the addresses."""
 
 _PORT = click.IntRange(0, 65535)
 _FURTHER = "  [default: its usual port if RTDE has its own, else none; 0 takes a free one]"

@@ -20,9 +20,10 @@ from rich.console import Console
 from contactsense.robots.jit.compilation import CompilationProgress
 from contactsense.robots.jit.progress_bar import CompilationBar
 from contactsense.service import logs
+from contactsense.service.api import READY
 from contactsense.service.api.app import create_app
+from contactsense.service.api.exposure import check_exposure
 from contactsense.service.api.http.connections import http_protocol, websocket_protocol
-from contactsense.service.api.http.exposure import check_exposure
 from contactsense.service.api.sample_source import unused
 from contactsense.service.api.settings import Settings, SettingsError
 from contactsense.service.api.variables import GROUPED, empty_token, misspelled
@@ -31,9 +32,6 @@ from contactsense.service.cli.options.sensor_options import sensor_options
 from contactsense.service.free_ports import PortError, reason
 from contactsense.service.live.scheduling import prefer_low_latency, prioritize
 from contactsense.service.scene.summary import scene_warnings
-
-READY = "serving at "
-"""Beginning of the line on stdout that names the address."""
 
 
 @click.command()

@@ -6,7 +6,6 @@ import socket
 from typing import Any
 
 from contactsense import Localizer, Scene
-from contactsense.service.api.estimate_json import estimate_dict, estimate_json
 from contactsense.service.controllers.framing import Unframer, frame
 from contactsense.service.controllers.sample_message import (
     MessageError,
@@ -17,6 +16,7 @@ from contactsense.service.controllers.sample_message import (
 from contactsense.service.controllers.sample_times import SampleTimes
 from contactsense.service.controllers.scene_message import make_scene
 from contactsense.service.events.summary import ContactSummaries
+from contactsense.service.live.estimate_json import estimate_dict, estimate_json
 from contactsense.service.live.hub import with_events
 from contactsense.service.live.scheduling import PIPELINE, Scheduling, prefer_low_latency, prioritize
 from contactsense.service.process_argument import receive

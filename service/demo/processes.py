@@ -6,11 +6,11 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from types import TracebackType
 
+from contactsense.service.api import READY as SERVE_READY
 from contactsense.service.api.client import Client
 from contactsense.service.api.messages import HealthOut
-from contactsense.service.cli.mock import READY as MOCK_READY
-from contactsense.service.cli.serve import READY as SERVE_READY
 from contactsense.service.demo.child_process import Child, ChildError, child
+from contactsense.service.mock import READY as MOCK_READY
 
 LOADING = 330.0
 """Time limit for the service to load, or to make progress with loading [s]."""

@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from contactsense.robots import Inertia, Link
+from contactsense.robots.primitives import Primitive
 from contactsense.robots.surface.convex_primitives import Surfaces, pack
-from contactsense.robots.surface.primitives import Primitive
 from contactsense.robots.surroundings import pack_bodies
 from contactsense.scene import Scene
 from contactsense.scene_model.scene_surfaces import with_pedestals

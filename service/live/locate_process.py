@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from contactsense import Localizer, Scene
-from contactsense.service.api.estimate_json import estimate_json
+from contactsense.service.live.estimate_json import estimate_json
 
 Numbers = Sequence[float]
 

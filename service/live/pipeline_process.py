@@ -19,11 +19,11 @@ from typing import Protocol
 from contactsense import Estimate, Localizer, Sample, Scene
 from contactsense.output.degraded_reason import NEW_STREAM
 from contactsense.robots.jit.compilation import Compilation
-from contactsense.service.api.estimate_json import estimate_json
-from contactsense.service.api.messages import PipelineHealth, SensorHealth, SourceHealth
 from contactsense.service.events.summary import ContactSummaries
 from contactsense.service.group_signals import leave_to_parent
 from contactsense.service.live.error_times import ErrorTimes
+from contactsense.service.live.estimate_json import estimate_json
+from contactsense.service.live.health import PipelineHealth, SensorHealth, SourceHealth
 from contactsense.service.live.listener import Listener
 from contactsense.service.live.listener_calls import Listeners
 from contactsense.service.live.pipeline_connection import (

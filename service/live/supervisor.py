@@ -20,8 +20,8 @@ from typing import Any, Literal
 
 from contactsense import Scene
 from contactsense.plausibility.stream_start import FROM_START
-from contactsense.service.api.messages import PipelineHealth, SourceHealth
 from contactsense.service.live.error_count import ErrorCount
+from contactsense.service.live.health import PipelineHealth, SourceHealth
 from contactsense.service.live.latest_estimate import LatestEstimate
 from contactsense.service.live.loading import Loading, OnLoading
 from contactsense.service.live.pipeline_connection import (

@@ -14,8 +14,8 @@ from contactsense.plausibility.largest_reading import (
     largest_reading_in_motion,
 )
 from contactsense.robots.link_poses import link_poses
+from contactsense.robots.primitives import Primitive
 from contactsense.robots.surface.primitive_extent import beyond, extent
-from contactsense.robots.surface.primitives import Primitive
 from contactsense.robots.units import FURTHEST
 from contactsense.scene import Scene
 from contactsense.scene_model.arm_weight import ArmWeight

@@ -3,8 +3,8 @@
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Literal, Protocol
+from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 
@@ -13,7 +13,6 @@ from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
 from contactsense.scene_model.sensor_delays import sensor_delays
 from contactsense.scene_model.wrench_map import WrenchMap
 from contactsense.sensors.link_values import as_fields
-from contactsense.service.sensors import netft_client as netft
 from contactsense.service.sensors import rtde_client as rtde
 from contactsense.service.sensors.field_wrench import FieldWrench
 from contactsense.service.sensors.held_packets import HeldPackets
@@ -29,9 +28,9 @@ from contactsense.service.sensors.plausibility import (
 from contactsense.service.sensors.recent_trouble import RecentTrouble
 from contactsense.service.sensors.robot_stream import RobotRecord, RobotStream, SensorError
 from contactsense.service.sensors.rtde_client import RtdeStream
-from contactsense.service.sensors.settings_check import check_settings
 from contactsense.service.sensors.signal_mapping import TorqueMap
 from contactsense.service.sensors.source_health import SourceHealth
+from contactsense.service.sensors.source_settings import SourceSettings
 from contactsense.service.sensors.stuck_channels import ArmState
 from contactsense.service.sensors.torque_check import TorqueCheck
 from contactsense.service.sensors.ur_rtde_client import UrRtdeStream
@@ -46,52 +45,6 @@ OUTAGE = 0.5
 _BASE = "base_wrench"
 _NO_READING = WrenchReading(None, None, math.inf)
 """There is no reading for an instant."""
-
-
-@dataclass(frozen=True, slots=True)
-class SourceSettings:
-    """Addresses of the sensors, and how they are read. Raises `SensorError` where a field cannot be used."""
-
-    robot_host: str
-    robot_port: int = rtde.DEFAULT_PORT
-    client: Literal["rtde", "ur_rtde"] = "rtde"
-    """`rtde`: our own reader, which loses nothing; `ur_rtde`: runs in a separate process, always on port
-    30004."""
-    frequency: float = 500.0
-    """Sample rate of the robot [Hz]: 500 for e-Series, 125 for CB3."""
-    wrench_host: str | None = None
-    """Address of the Net F/T sensor under the base; None: there is none."""
-    wrench_port: int = netft.DEFAULT_PORT
-    wrench_http_port: int = netft.DEFAULT_HTTP_PORT
-    wrench_counts: tuple[float, float] | None = None
-    """Counts per newton and newton metre; None: ask the sensor's web server."""
-    wrench_fields: tuple[str, ...] = ()
-    """RTDE fields that contain the base sensor's six values [N, Nm], such as six output registers, instead
-    of `wrench_host`."""
-    wrist_fields: tuple[str, ...] = ("ft_raw_wrench",)
-    """RTDE fields that contain the wrist sensor's six values [N, Nm], if the scene has one."""
-    link_wrenches: Mapping[str, WrenchSource] = field(default_factory=dict)
-    """Sources of the scene's further sensors within the arm, by name."""
-    extra_fields: tuple[str, ...] = ()
-    """Further RTDE fields to read, for recordings."""
-    wrench_rate: float | None = None
-    """Rate of the sensor's sequence numbers [Hz]; None: estimated from arrival times, which takes longer on a
-    busy host."""
-    wrench_delay: float = 0.0
-    """Constant difference of the network delays, force/torque reading minus robot packet [s]."""
-    wrench_max_age: float = 0.005
-    """A force/torque reading older than this, and older than 1.5 times the interval between two, is not used
-    [s]; nor is one in RTDE fields that has been repeated for longer than this. In motion, readings that are
-    10 ms old look like a contact."""
-    constant_readings: bool = False
-    """Whether readings may stay constant, like those of a simulator without noise; otherwise a signal that
-    never changes counts as frozen."""
-    wrench_wait: float = 0.003
-    """Maximum time that a robot sample waits for the force/torque reading of its instant, beyond the delay of
-    the readings [s]."""
-
-    def __post_init__(self) -> None:
-        check_settings(self)
 
 
 class RawObserver(Protocol):

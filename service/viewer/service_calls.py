@@ -11,8 +11,8 @@ from urllib.parse import urlsplit
 from pydantic import BaseModel, ValidationError
 
 from contactsense.scene import Scene, SceneError
+from contactsense.service.api.clips import RecordingOut
 from contactsense.service.api.messages import HealthOut, SceneOut
-from contactsense.service.api.routes.clips import RecordingOut
 from contactsense.service.reactions.health import ReactionsOut
 
 TIMEOUT = 5.0

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from contactsense.benchmarks.accuracy.static_cases import Noise
 from contactsense.benchmarks.mcp_ep import judge, scene_of, sequence
 from contactsense.benchmarks.peers.exploration_filter import Found
 from contactsense.benchmarks.peers.one_by_one import OneByOne
 from contactsense.benchmarks.peers.touches import Toucher, Touches
+from contactsense.benchmarks.static_truth.cases import Noise
 from contactsense.benchmarks.torque_only import shares, touched
 
 pytestmark = pytest.mark.slow  # its kernels compile for long

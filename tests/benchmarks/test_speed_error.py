@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from contactsense.benchmarks.accuracy.static_cases import COLUMNS
 from contactsense.benchmarks.peers.added_contacts import add
 from contactsense.benchmarks.peers.cases import static_cases
 from contactsense.benchmarks.peers.method import Answers
 from contactsense.benchmarks.pictures.mark import Mark, draw, table
 from contactsense.benchmarks.speed_error import mark
+from contactsense.benchmarks.static_truth.cases import COLUMNS
 from tests.shared import shared
 
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from contactsense import Localizer
-from contactsense.benchmarks.accuracy.static_cases import Noise
 from contactsense.benchmarks.mcp_ep import scene_of, sequence
 from contactsense.benchmarks.multi_contact.perfect_search import Oracle
 from contactsense.benchmarks.peers.touches import Toucher
+from contactsense.benchmarks.static_truth.cases import Noise
 from contactsense.benchmarks.undecided import judge
 
 pytestmark = pytest.mark.slow  # its kernels compile for long

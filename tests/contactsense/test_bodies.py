@@ -9,7 +9,7 @@ from contactsense import Localizer, Scene, SceneError
 from contactsense.localization.surface.surface_samples import cover_distances
 from contactsense.readings import forward_model
 from contactsense.robots.link_poses import link_poses
-from contactsense.robots.surface.primitives import Box, Cylinder, Sphere
+from contactsense.robots.primitives import Box, Cylinder, Sphere
 from contactsense.robots.surroundings import Body
 from contactsense.scene_model.constants import build_constants
 from contactsense.types import Estimate

@@ -8,8 +8,8 @@ import pytest
 
 from contactsense import JointTorqueSensor, Localizer, Scene, SceneError, WrenchSensor, robots
 from contactsense.benchmarks.accuracy.calibration import judge, summarize
-from contactsense.benchmarks.accuracy.static_cases import COLUMNS
-from contactsense.benchmarks.accuracy.static_points import read
+from contactsense.benchmarks.static_truth.cases import COLUMNS
+from contactsense.benchmarks.static_truth.points import read
 from contactsense.robots.decomposition.mesh_sources import skin_meshes
 from contactsense.scene_model.constants import build_constants
 from contactsense.service.scene.skin_meshes import check_meshes

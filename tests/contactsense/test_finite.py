@@ -6,7 +6,7 @@ import pytest
 from contactsense import Estimate, JointTorqueSensor, Localizer, Sample, Scene, WrenchSensor
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import build_model, empty_motion
-from contactsense.robots.surface.primitives import Sphere
+from contactsense.robots.primitives import Sphere
 from contactsense.robots.tool import Tool
 from tests.at_rest import weight
 from tests.plain_arm import plain_ur5e

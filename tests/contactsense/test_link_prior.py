@@ -8,7 +8,7 @@ import pytest
 from contactsense import JointTorqueSensor, Localizer, Scene, SceneError, detectability
 from contactsense.benchmarks.multi_contact.trials import Trials
 from contactsense.robots import Robot
-from contactsense.robots.surface.primitives import Cylinder, Sphere
+from contactsense.robots.primitives import Cylinder, Sphere
 from contactsense.robots.surroundings import Body
 from contactsense.robots.tool import Tool
 from contactsense.scene_model.constants import build_constants

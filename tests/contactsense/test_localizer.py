@@ -11,7 +11,7 @@ import pytest
 from contactsense import JointTorqueSensor, Localizer, Scene, WrenchSensor
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import build_model, empty_motion
-from contactsense.robots.surface.primitives import Capsule
+from contactsense.robots.primitives import Capsule
 from contactsense.robots.tool import Tool
 from tests.at_rest import weight
 from tests.contactsense.precise import PRECISE

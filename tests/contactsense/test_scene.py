@@ -20,7 +20,7 @@ from contactsense import (
     forward_model,
     robots,
 )
-from contactsense.robots.surface.primitives import Sphere
+from contactsense.robots.primitives import Sphere
 from contactsense.robots.tool import Tool
 from contactsense.scene import MAX_LINK_WRENCHES
 from contactsense.scene_model.constants import build_constants

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from contactsense import LinkWrenchSensor, Scene, SceneError
-from contactsense.robots.surface.primitives import Sphere
+from contactsense.robots.primitives import Sphere
 from contactsense.robots.surroundings import Body
 
 

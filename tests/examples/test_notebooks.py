@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from contactsense.service.drawing.timeline_figure import timeline_figure
+from contactsense.service.analysis.timeline_figure import timeline_figure
 
 pytest.importorskip("matplotlib")
 pytest.importorskip("pandas")

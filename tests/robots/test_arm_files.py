@@ -11,7 +11,7 @@ from contactsense.robots.decomposition import mesh_sources
 from contactsense.robots.decomposition.mesh_sources import meshes_of, read_arm, read_tool, skin_grids
 from contactsense.robots.decomposition.yaml_export import text, tool_text
 from contactsense.robots.errors import SurfaceFileError
-from contactsense.robots.surface.primitives import Sphere
+from contactsense.robots.primitives import Sphere
 from contactsense.robots.urdf.meshes import from_folder
 from tests.robots.urdf.test_read_urdf import JOINT, LINK, arm, write
 

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from contactsense.robots.surface.primitives import Box, Sphere
+from contactsense.robots.primitives import Box, Sphere
 from contactsense.robots.surface.union import distances
 from contactsense.robots.surroundings import Body, pack_bodies
 

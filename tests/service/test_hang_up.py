@@ -11,8 +11,8 @@ from urllib.parse import urlsplit
 import httpx
 import pytest
 
+from contactsense.service.api import READY
 from contactsense.service.api.http.ending import REASON
-from contactsense.service.cli.serve import READY
 from contactsense.service.demo.child_process import child
 from tests.service import http
 from tests.service.loopback import until

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from contactsense.robots.primitives import Primitive
 from contactsense.robots.surface.convex_primitives import BOX, ELLIPSOID, REVOLVED, body
-from contactsense.robots.surface.primitives import Primitive
 from contactsense.solvers.bodies.paper_surfaces import Ellipsoid, Placed, Sphere
 from contactsense.solvers.bodies.surface import (
     KernelSurface,

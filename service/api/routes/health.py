@@ -5,7 +5,7 @@ from fastapi.responses import PlainTextResponse
 
 from contactsense.service.api import messages
 from contactsense.service.api.messages import ErrorOut, HealthOut
-from contactsense.service.api.routes.metrics import CONTENT_TYPE
+from contactsense.service.api.metrics import CONTENT_TYPE
 from contactsense.service.api.service import Shared
 
 router = APIRouter()

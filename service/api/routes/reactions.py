@@ -10,8 +10,8 @@ from starlette.requests import HTTPConnection
 from contactsense.scene import Scene
 from contactsense.service.api.http.errors import BODY_REFUSALS, FieldRefusedError, Responses
 from contactsense.service.api.http.json_route import JsonRoute
-from contactsense.service.api.http.request_body import RequestBody
 from contactsense.service.api.messages import ErrorOut
+from contactsense.service.api.request_body import RequestBody
 from contactsense.service.reactions.health import ReactionsOut
 from contactsense.service.reactions.rules import ReactionRules
 from contactsense.service.reactions.state import Reactions

@@ -9,10 +9,10 @@ from click.testing import CliRunner
 
 from contactsense import Contact
 from contactsense.benchmarks.accuracy.calibration import NEAR, Share, calibration, judge, summarize, verdict
-from contactsense.benchmarks.accuracy.credible_regions import distance, explains, level, mixture, within
-from contactsense.benchmarks.accuracy.reliability import reliability
-from contactsense.benchmarks.accuracy.static_cases import COLUMNS
-from contactsense.benchmarks.accuracy.static_points import read, select
+from contactsense.benchmarks.static_truth.cases import COLUMNS
+from contactsense.benchmarks.static_truth.points import read, select
+from contactsense.benchmarks.statistics.credible_regions import distance, explains, level, mixture, within
+from contactsense.benchmarks.statistics.reliability import reliability
 from tests.shared import shared
 
 

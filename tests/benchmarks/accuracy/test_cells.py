@@ -9,8 +9,8 @@ import pytest
 from click.testing import CliRunner
 
 from contactsense import JointTorqueSensor, Scene, WrenchSensor
+from contactsense.benchmarks import panda
 from contactsense.benchmarks.accuracy.cells import cells, measure
-from contactsense.benchmarks.franka import panda
 
 FOLDER = Path(__file__).parents[3] / "examples" / "cells"
 PAGE = (Path(__file__).parents[3] / "docs" / "sensors.md").read_text(encoding="utf-8")

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from contactsense.benchmarks.accuracy.static_cases import COLUMNS
 from contactsense.benchmarks.accuracy.surface_map import Agreement, summary, surface_map
+from contactsense.benchmarks.static_truth.cases import COLUMNS
 
 PART = Agreement(
     share=np.array([0.5, 0.2, 0.2, 0.1]),

@@ -8,9 +8,9 @@ import pytest
 from click.testing import CliRunner
 
 from contactsense.benchmarks.accuracy.calibration import Verdict
-from contactsense.benchmarks.accuracy.static_cases import COLUMNS
-from contactsense.benchmarks.accuracy.static_points import read
 from contactsense.benchmarks.accuracy.tilt import FORCE_BINS, TILT_BINS, Angles, angles, count, tilt
+from contactsense.benchmarks.static_truth.cases import COLUMNS
+from contactsense.benchmarks.static_truth.points import read
 from tests.shared import shared
 
 INSIDE = Verdict((1.0, True, 1.0), (1.0, True, 1.0), (1.0, True, 1.0), True, True, 1.0)

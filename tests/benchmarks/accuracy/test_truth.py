@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from contactsense.benchmarks.accuracy.static_cases import COLUMNS
-from contactsense.benchmarks.accuracy.static_points import read
 from contactsense.benchmarks.accuracy.truth import measure, truth
+from contactsense.benchmarks.static_truth.cases import COLUMNS
+from contactsense.benchmarks.static_truth.points import read
 from tests.shared import shared
 
 LINK_RIGHT = (0.97, 0.85, 0.79, 0.65)

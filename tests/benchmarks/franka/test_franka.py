@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from contactsense.benchmarks.accuracy.reliability import reliability
-from contactsense.benchmarks.franka import panda
+from contactsense.benchmarks import panda
 from contactsense.benchmarks.franka.command import answer, drift_beyond, franka
 from contactsense.benchmarks.franka.touches import last_joint_above, loaded, read
+from contactsense.benchmarks.statistics.reliability import reliability
 from tests.shared import shared
 
 

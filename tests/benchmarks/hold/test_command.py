@@ -9,9 +9,9 @@ import pytest
 from click.testing import CliRunner
 
 from contactsense import Localizer
-from contactsense.benchmarks.accuracy.static_cases import COLUMNS
 from contactsense.benchmarks.hold.command import held, hold, slid, slide_summary, summary
 from contactsense.benchmarks.hold.simulate import CASES, SLIDE, TIMES, Case, Finger, scene_of, stream
+from contactsense.benchmarks.static_truth.cases import COLUMNS
 
 RUNS = 8
 

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from contactsense.benchmarks.accuracy.static_cases import Noise
 from contactsense.benchmarks.motion.averaging_limit import averaging_limit
 from contactsense.benchmarks.motion.command import scene_for
 from contactsense.benchmarks.motion.score import is_touched_by_force
 from contactsense.benchmarks.motion.streams import Stream, read
+from contactsense.benchmarks.static_truth.cases import Noise
 from tests.shared import shared
 
 NOISE = Noise(0.25, 0.05, 1.0)

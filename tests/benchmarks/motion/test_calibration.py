@@ -10,10 +10,10 @@ import pytest
 from click.testing import CliRunner
 
 from contactsense import Contact, Estimate, Sample, Scene
-from contactsense.benchmarks.accuracy.static_cases import COLUMNS
 from contactsense.benchmarks.motion import calibration
 from contactsense.benchmarks.motion.score import samples_at_ages
 from contactsense.benchmarks.motion.streams import Event, Stream
+from contactsense.benchmarks.static_truth.cases import COLUMNS
 
 N = 1000
 TRUTH = np.array([0.1, 0.2, 0.3])

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from contactsense import Contact, Estimate, robots
-from contactsense.benchmarks.accuracy.static_cases import COLUMNS
 from contactsense.benchmarks.motion.command import measure, scene_for
 from contactsense.benchmarks.motion.model_error import MASS_ERROR, friction, heavier
 from contactsense.benchmarks.motion.score import Score
 from contactsense.benchmarks.motion.streams import KINDS, Event, Stream, read, with_velocity_noise
+from contactsense.benchmarks.static_truth.cases import COLUMNS
 from contactsense.calibration import FreeMotion
 from contactsense.calibration.calibration_model import CalibrationModel
 from contactsense.calibration.residuals.recording_residuals import residuals

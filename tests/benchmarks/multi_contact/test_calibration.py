@@ -8,11 +8,11 @@ import pytest
 from click.testing import CliRunner
 
 from contactsense import Contact, Explanation
-from contactsense.benchmarks.accuracy.static_cases import Noise
 from contactsense.benchmarks.multi_contact.calibration import calibration_several
 from contactsense.benchmarks.multi_contact.calibration_summary import summarize
 from contactsense.benchmarks.multi_contact.calibration_verdict import Verdict, verdict
 from contactsense.benchmarks.multi_contact.measure import localizer_for
+from contactsense.benchmarks.static_truth.cases import Noise
 
 pytestmark = pytest.mark.slow  # its kernels compile for long
 

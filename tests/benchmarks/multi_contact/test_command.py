@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from contactsense import Contact, JointTorqueSensor, Localizer, Scene, WrenchSensor
-from contactsense.benchmarks.accuracy.static_cases import Noise
 from contactsense.benchmarks.multi_contact.measure import match, summary
 from contactsense.benchmarks.multi_contact.stream import FIRST, SECOND, measure_stream, samples
 from contactsense.benchmarks.multi_contact.trials import MIN_SEPARATION, Trials
+from contactsense.benchmarks.static_truth.cases import Noise
 from tests.plain_arm import plain_ur5e
 
 pytestmark = pytest.mark.slow  # its kernels compile for long

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from contactsense.benchmarks.accuracy.static_cases import COLUMNS
-from contactsense.benchmarks.accuracy.static_points import read, select
 from contactsense.benchmarks.accuracy.truth import measure
 from contactsense.benchmarks.peers.cases import answer, errors, score, static_cases
 from contactsense.benchmarks.peers.method import Answers, Located
+from contactsense.benchmarks.static_truth.cases import COLUMNS
+from contactsense.benchmarks.static_truth.points import read, select
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import build_model, empty_motion
 from tests.shared import shared

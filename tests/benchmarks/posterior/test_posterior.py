@@ -9,8 +9,6 @@ from rich.console import Console
 from scipy.spatial.transform import Rotation
 
 from contactsense import Scene
-from contactsense.benchmarks.accuracy.static_cases import COLUMNS
-from contactsense.benchmarks.accuracy.static_points import read, select
 from contactsense.benchmarks.peers.cases import answer, score, static_cases
 from contactsense.benchmarks.posterior.bootstrap import ratio
 from contactsense.benchmarks.posterior.dense import Dense
@@ -22,6 +20,8 @@ from contactsense.benchmarks.posterior.patch_posterior import (
 )
 from contactsense.benchmarks.posterior.samples import Samples, of_primitives
 from contactsense.benchmarks.posterior.table import Skins, rows, table
+from contactsense.benchmarks.static_truth.cases import COLUMNS
+from contactsense.benchmarks.static_truth.points import read, select
 from contactsense.localization.surface.surface_samples import surface_patches
 from contactsense.scene_model.constants import build_constants
 from tests.shared import shared

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contactsense.benchmarks.accuracy.static_points import read as read_static
 from contactsense.benchmarks.motion.streams import KINDS, read
+from contactsense.benchmarks.static_truth.points import read as read_static
 from contactsense.benchmarks.truth import arrays, motion, simulation, static_points
 from contactsense.benchmarks.truth.arm import Arm
 from contactsense.benchmarks.truth.arm import read as read_arm

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from contactsense.benchmarks.franka import panda
+from contactsense.benchmarks import panda
 from contactsense.benchmarks.truth import arm as arms
 from contactsense.benchmarks.truth.arm import Arm
 from contactsense.benchmarks.truth.command import main

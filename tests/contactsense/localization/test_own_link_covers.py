@@ -10,7 +10,7 @@ from contactsense import JointTorqueSensor, Localizer, Scene, WrenchSensor
 from contactsense.localization.candidates.accessibility import OWN_CLEARANCE, clearance
 from contactsense.localization.surface.placed_surface import PlacedSurface
 from contactsense.readings import forward_model
-from contactsense.robots.surface.primitives import Box
+from contactsense.robots.primitives import Box
 from contactsense.robots.surface.union import distances
 from contactsense.robots.surroundings import Body
 from contactsense.runtime.state import State

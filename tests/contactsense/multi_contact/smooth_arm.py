@@ -19,8 +19,8 @@ from contactsense.multi_contact.memory.buffers import (
 )
 from contactsense.multi_contact.memory.joint_layout import FX, PX
 from contactsense.robots.jit.lanes import LANES
+from contactsense.robots.primitives import Capsule, Ellipsoid, Primitive, Sphere
 from contactsense.robots.surface.convex_primitives import project
-from contactsense.robots.surface.primitives import Capsule, Ellipsoid, Primitive, Sphere
 from contactsense.runtime.state import State
 from contactsense.scene_model.constants import Constants
 from tests.contactsense.multi_contact.joint_steps import JointSteps

@@ -7,7 +7,7 @@ from contactsense import Scene
 from contactsense.multi_contact.joint.joint_problem import JointProblem
 from contactsense.multi_contact.joint.known_rows import Known, KnownRows
 from contactsense.multi_contact.memory.buffers import Measurement, empty_multi_contact_buffers
-from contactsense.robots.surface.primitives import Sphere
+from contactsense.robots.primitives import Sphere
 from contactsense.scene_model.constants import Constants, build_constants
 from tests.contactsense.localization.placed_arm import placed
 from tests.contactsense.multi_contact.joint_steps import JointSteps

@@ -13,7 +13,7 @@ from contactsense.multi_contact.memory.buffers import (
     MultiContactBuffers,
     empty_multi_contact_buffers,
 )
-from contactsense.robots.surface.primitives import Capsule
+from contactsense.robots.primitives import Capsule
 from contactsense.robots.tool import Tool
 from contactsense.runtime.state import State
 from contactsense.scene_model.constants import Constants

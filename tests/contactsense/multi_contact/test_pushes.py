@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from contactsense import JointTorqueSensor, Localizer, Scene, WrenchSensor, robots
-from contactsense.robots.surface.primitives import Capsule, Primitive, Sphere
+from contactsense.robots.primitives import Capsule, Primitive, Sphere
 from tests.plain_arm import contacts, ur5e_of
 
 pytestmark = pytest.mark.slow  # its kernels compile for long

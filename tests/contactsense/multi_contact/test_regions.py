@@ -2,11 +2,11 @@
 
 import pytest
 
-from contactsense.benchmarks.accuracy.static_cases import COLUMNS
 from contactsense.benchmarks.multi_contact.calibration import SCENARIOS, judge
 from contactsense.benchmarks.multi_contact.calibration_summary import summarize
 from contactsense.benchmarks.multi_contact.measure import localizer_for
 from contactsense.benchmarks.multi_contact.mesh_trials import MeshTrials
+from contactsense.benchmarks.static_truth.cases import COLUMNS
 from tests.shared import shared
 
 pytestmark = pytest.mark.slow  # its kernels compile for long

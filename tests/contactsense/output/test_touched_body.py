@@ -8,7 +8,7 @@ from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import empty_motion
 from contactsense.output.touched_body import TouchedBody
 from contactsense.robots.link_poses import link_poses
-from contactsense.robots.surface.primitives import Box, Cylinder
+from contactsense.robots.primitives import Box, Cylinder
 from contactsense.robots.surroundings import Body
 from contactsense.scene_model.constants import build_constants
 from tests.plain_arm import plain_ur5e

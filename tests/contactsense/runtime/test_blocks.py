@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from contactsense import Estimate, Localizer, SampleBlock, Scene
+from contactsense.robots.primitives import Sphere
 from contactsense.robots.surface.convex_primitives import pack
-from contactsense.robots.surface.primitives import Sphere
 from contactsense.robots.surface.union import nearest
 from contactsense.robots.tool import Tool
 from contactsense.runtime.result_rows import FORCE, LINK, NORMAL, POINT, POINT_BASE, PROBABILITY, TORSION

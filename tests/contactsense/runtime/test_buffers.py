@@ -10,7 +10,7 @@ from numba.np.numpy_support import from_dtype
 from contactsense import LinkWrenchSensor, Scene, WrenchSensor
 from contactsense.robots.jit.declaration import WORD
 from contactsense.robots.jit.kernel import generated_kernel, kernel
-from contactsense.robots.surface.primitives import Sphere
+from contactsense.robots.primitives import Sphere
 from contactsense.robots.tool import Tool
 from contactsense.runtime.buffers import SIZES, KernelBuffers, buffer_views
 from contactsense.runtime.state import State, empty_state

@@ -8,9 +8,9 @@ import pytest
 from contactsense import Localizer, Scene, SceneError, robots
 from contactsense.localization.surface.local_prior import DeviationCells
 from contactsense.robots import Link, Robot
+from contactsense.robots.primitives import Box, Vector
 from contactsense.robots.robot import LocalDeviation
 from contactsense.robots.rotations import rotation_from_rpy, rpy_from_rotation
-from contactsense.robots.surface.primitives import Box, Vector
 from contactsense.robots.surroundings import Body
 from contactsense.robots.tool import Tool
 from contactsense.scene_model.constants import build_constants

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from contactsense.robots import Inertia, Link
 from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.primitives import Box, Capsule, Cylinder, Ellipsoid, Primitive, Sphere
 from contactsense.robots.surface.convex_primitives import Surfaces, pack, project
-from contactsense.robots.surface.primitives import Box, Capsule, Cylinder, Ellipsoid, Primitive, Sphere
 from contactsense.solvers.posterior.line_of_action import ENTRY_TOLERANCE
 from contactsense.solvers.wrench import Wrench, wrench_of
 from tests.contactsense.solvers.one_lane import enter_surface

@@ -7,8 +7,8 @@ from scipy.optimize import minimize
 
 from contactsense.kinematics.wrench_information import to_body_frame
 from contactsense.robots import Inertia, Link
+from contactsense.robots.primitives import Box, Capsule, Cylinder, Ellipsoid, Primitive, Sphere
 from contactsense.robots.surface.convex_primitives import pack, project
-from contactsense.robots.surface.primitives import Box, Capsule, Cylinder, Ellipsoid, Primitive, Sphere
 from contactsense.solvers.posterior.contact_prior import (
     STUDENT_DOF,
     Contact,

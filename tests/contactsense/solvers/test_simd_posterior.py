@@ -9,9 +9,9 @@ from contactsense.kinematics.linalg.ldl import ldl_solve
 from contactsense.kinematics.wrench_information import to_body_frame
 from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.robots.jit.lanes import LANES
+from contactsense.robots.primitives import Box, Capsule, Cylinder, Ellipsoid, Primitive, Sphere
 from contactsense.robots.rotations import rotation_from_vector
 from contactsense.robots.surface.convex_primitives import body, bounding_radius, curvature
-from contactsense.robots.surface.primitives import Box, Capsule, Cylinder, Ellipsoid, Primitive, Sphere
 from contactsense.solvers.posterior.contact_prior import Contact, Prior, SearchBuffers, pushing_force
 from contactsense.solvers.posterior.energy import inflate_by_surface_deviation, linearize
 from contactsense.solvers.posterior.line_of_action import enter_surfaces

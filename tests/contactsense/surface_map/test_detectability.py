@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from contactsense import Detectability, JointTorqueSensor, Scene, WrenchSensor, detectability
-from contactsense.benchmarks.accuracy.static_cases import Noise
 from contactsense.benchmarks.accuracy.surface_map import compare, scene_of
+from contactsense.benchmarks.static_truth.cases import Noise
 from contactsense.detection.thresholds import SampleThresholds
 from contactsense.robots import load
 from contactsense.robots.link_poses import link_poses
-from contactsense.robots.surface.primitives import Sphere
+from contactsense.robots.primitives import Sphere
 from contactsense.robots.surroundings import Body
 from contactsense.surface_map.smallest_force import detected_size
 from tests.shared import shared

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from contactsense import Localizer, Scene
-from contactsense.benchmarks.accuracy.static_cases import Noise
 from contactsense.benchmarks.accuracy.surface_map import ROD, scene_of
+from contactsense.benchmarks.static_truth.cases import Noise
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import empty_motion
 from contactsense.sensors.settings import LinkWrenchSensor, WrenchSensor

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from contactsense import JointTorqueSensor, Localizer, Scene, WrenchSensor, robots
-from contactsense.benchmarks.accuracy.static_cases import COLUMNS
 from contactsense.benchmarks.hold.simulate import SLIDE, Finger, stream
+from contactsense.benchmarks.static_truth.cases import COLUMNS
 from contactsense.kinematics.model import empty_motion
 from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.tracking.contact_track import HOLD, ContactTrack

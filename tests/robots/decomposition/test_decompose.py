@@ -10,9 +10,9 @@ from contactsense.robots.decomposition.least_squares_fit import Bodies
 from contactsense.robots.decomposition.outer_skin import OutOfReachError
 from contactsense.robots.decomposition.surface_error import exposed_surface, packed, surface_points
 from contactsense.robots.decomposition.yaml_export import primitive, primitives
+from contactsense.robots.primitives import Box, Capsule, Cylinder, Sphere
 from contactsense.robots.robot import Inertia, Link
 from contactsense.robots.surface.convex_primitives import BOX, ELLIPSOID, REVOLVED, pack
-from contactsense.robots.surface.primitives import Box, Capsule, Cylinder, Sphere
 from contactsense.robots.surface.union import distances
 from contactsense.robots.urdf.meshes import from_folder
 from tests.robots.shapes import two_links, two_meshes

@@ -7,8 +7,8 @@ import trimesh
 from contactsense.robots.decomposition.distance_samples import make_target
 from contactsense.robots.decomposition.least_squares_fit import Bodies, cost
 from contactsense.robots.decomposition.outer_skin import Surroundings, outer_skin
+from contactsense.robots.primitives import Cylinder
 from contactsense.robots.surface.convex_primitives import body
-from contactsense.robots.surface.primitives import Cylinder
 
 # A shell of 100 mm whose end is recessed by 14 mm, and a hub that fills the recess.
 SHELL = [(0.0, 0.0), (0.05, 0.0), (0.05, 0.1), (0.047, 0.1), (0.047, 0.086), (0.0, 0.086)]

@@ -8,9 +8,9 @@ from contactsense.robots.decomposition import local_deviation as measured
 from contactsense.robots.decomposition.local_deviation import CELL, local_deviation
 from contactsense.robots.decomposition.outer_skin import Skin
 from contactsense.robots.decomposition.surface_error import bodies_of
+from contactsense.robots.primitives import Box
 from contactsense.robots.robot import LocalDeviation
 from contactsense.robots.surface.deviation_table import lines, read_cells
-from contactsense.robots.surface.primitives import Box
 
 HALF = 0.2
 STEP = 0.003

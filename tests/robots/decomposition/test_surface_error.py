@@ -6,7 +6,7 @@ import pytest
 from contactsense.robots.decomposition.distance_samples import Shape
 from contactsense.robots.decomposition.outer_skin import Surroundings, outer_skin
 from contactsense.robots.decomposition.surface_error import Errors, bodies_of, errors, row, together
-from contactsense.robots.surface.primitives import Sphere
+from contactsense.robots.primitives import Sphere
 from tests.robots.shapes import block
 
 EXPOSED = Errors(np.full(40, 0.001), np.full(40, 0.002), np.full(40, np.radians(3.0)), 0.1)

@@ -9,10 +9,10 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from contactsense.robots.decomposition.yaml_export import body_text, primitive, text, tool_text
+from contactsense.robots.primitives import Box, Ellipsoid, Sphere
 from contactsense.robots.robot import NO_MASS
 from contactsense.robots.rotations import rotation_from_rpy
 from contactsense.robots.surface.convex_primitives import BOX, ELLIPSOID
-from contactsense.robots.surface.primitives import Box, Ellipsoid, Sphere
 from contactsense.robots.yaml_schema import read_surface
 
 UPRIGHT = (0.4, np.pi / 2.0, 0.0), (-1.1, -np.pi / 2.0, 0.7)

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 from scipy.spatial import cKDTree
 
+from contactsense.robots.primitives import Box, Capsule, Cylinder, Ellipsoid, Sphere
 from contactsense.robots.robot import Inertia, Link
 from contactsense.robots.surface import convex_primitives as surface
-from contactsense.robots.surface.primitives import Box, Capsule, Cylinder, Ellipsoid, Sphere
 
 SHAPES = {
     "sphere": Sphere(center=(0.1, 0.0, -0.2), radius=0.05),

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from contactsense.robots.primitives import Box, Capsule, Cylinder, Ellipsoid, Primitive, Sphere
 from contactsense.robots.surface.primitive_extent import bounds
-from contactsense.robots.surface.primitives import Box, Capsule, Cylinder, Ellipsoid, Primitive, Sphere
 
 PALM = Box(center=(0.0, 0.0, 0.05), half=(0.04, 0.03, 0.05), rounding=0.005)
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.primitives import Capsule, Cylinder, Primitive, Sphere
 from contactsense.robots.surface.convex_primitives import REVOLVED, body, curvature, project
-from contactsense.robots.surface.primitives import Capsule, Cylinder, Primitive, Sphere
 from contactsense.robots.surface.simd_revolved import curvature_revolved, profile, project_revolved
 
 SHAPES: tuple[Primitive, ...] = (

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from contactsense.robots.primitives import Capsule, Primitive, Sphere
 from contactsense.robots.robot import Inertia, Link
 from contactsense.robots.surface.convex_primitives import pack, project
-from contactsense.robots.surface.primitives import Capsule, Primitive, Sphere
 from contactsense.robots.surface.union import distances
 
 BODY = Inertia(1.0, np.zeros(3), np.eye(3))

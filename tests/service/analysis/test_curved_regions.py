@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from contactsense.robots.primitives import Box, Sphere
 from contactsense.robots.robot import Inertia, Link
 from contactsense.robots.surface.convex_primitives import Surfaces, pack
-from contactsense.robots.surface.primitives import Box, Sphere
 from contactsense.robots.surface.signed_distance_grid import Grids
 from contactsense.service.analysis.curved_regions import curvature_covariance
 

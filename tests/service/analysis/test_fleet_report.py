@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from contactsense import Scene
-from contactsense.robots.surface.primitives import Box
+from contactsense.robots.primitives import Box
 from contactsense.robots.surroundings import Body
 from contactsense.service.analysis.fleet.drawn_arms import drawn_arms
 from contactsense.service.analysis.fleet.report import write_fleet_report

@@ -7,9 +7,9 @@ import pytest
 
 from contactsense.kinematics.model import empty_motion
 from contactsense.localization.surface.local_prior import no_cells
+from contactsense.robots.primitives import Box
 from contactsense.robots.robot import Inertia, Link
 from contactsense.robots.surface.convex_primitives import Surfaces, pack
-from contactsense.robots.surface.primitives import Box
 from contactsense.service.analysis.path_arrays import WindowSums
 from contactsense.service.analysis.place_accessibility import log_accessible_share
 from contactsense.service.analysis.place_search import LinkMeasurement, PlaceSearch

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from contactsense import Localizer, SampleBlock, Scene, WrenchSensor
-from contactsense.robots.surface.primitives import Sphere
+from contactsense.robots.primitives import Sphere
 from contactsense.robots.tool import Tool
 from contactsense.runtime.result_rows import POINT_BASE
 from contactsense.service.analysis.contact_history import ContactCollector, ContactHistory

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from contactsense import Contact, Estimate, Event
-from contactsense.service.api.estimate_json import estimate_json
 from contactsense.service.api.messages import EstimateOut
 from contactsense.service.events.model import ContactEvent
+from contactsense.service.live.estimate_json import estimate_json
 from contactsense.service.live.hub import with_events
 
 CONTACT = Contact(

@@ -14,10 +14,10 @@ import pytest
 
 from contactsense.service import logs
 from contactsense.service.api.app import create_app
-from contactsense.service.api.messages import SensorHealth, SourceHealth
-from contactsense.service.api.routes.metrics import Metrics
+from contactsense.service.api.metrics import Metrics
 from contactsense.service.api.service import Service
 from contactsense.service.api.settings import Settings
+from contactsense.service.live.health import SensorHealth, SourceHealth
 from contactsense.service.reactions.health import ActionHealth, ReactionsHealth
 from tests.service import fakes, http
 from tests.service.serving import serving

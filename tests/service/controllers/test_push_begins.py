@@ -8,7 +8,7 @@ import pytest
 from fastapi import WebSocketDisconnect
 
 from contactsense import Scene
-from contactsense.service.api.routes.track import Tracks
+from contactsense.service.api.tracks import Tracks
 from contactsense.service.controllers.settings import ControllerSettings
 from contactsense.service.live.hub import Hub
 

@@ -20,7 +20,6 @@ from pydantic import ValidationError
 
 from contactsense import Estimate
 from contactsense.service.api.app import create_app
-from contactsense.service.api.estimate_json import estimate_json
 from contactsense.service.api.settings import Settings
 from contactsense.service.controllers.line_protocol import reply
 from contactsense.service.controllers.robot_program import (
@@ -38,6 +37,7 @@ from contactsense.service.controllers.robot_program import (
 from contactsense.service.controllers.robot_program_servers import RobotProgramServers
 from contactsense.service.controllers.settings import ControllerSettings
 from contactsense.service.free_ports import PortError
+from contactsense.service.live.estimate_json import estimate_json
 from contactsense.service.live.hub import Hub
 from contactsense.service.reactions.rules import ReactionRules
 from contactsense.service.reactions.state import Reactions

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from contactsense import Scene
-from contactsense.robots.surface.primitives import Box, Cylinder, Sphere
+from contactsense.robots.primitives import Box, Cylinder, Sphere
 from contactsense.robots.surface.union import distances
 from contactsense.robots.surroundings import Body
 from contactsense.robots.tool import Tool

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from contactsense import Scene
-from contactsense.robots.surface.primitives import Box
+from contactsense.robots.primitives import Box
 from contactsense.robots.surface.union import distances
 from contactsense.robots.surroundings import Body
 from contactsense.service.drawing.arm_scene import arm_geometry, arm_view, contact_view

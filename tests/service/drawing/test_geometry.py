@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from contactsense import Scene
+from contactsense.robots.primitives import Box, Capsule, Cylinder, Ellipsoid, Primitive, Sphere
 from contactsense.robots.robot import Inertia, Link
 from contactsense.robots.surface.convex_primitives import pack
-from contactsense.robots.surface.primitives import Box, Capsule, Cylinder, Ellipsoid, Primitive, Sphere
 from contactsense.robots.surface.union import distances
 from contactsense.robots.tool import Tool
 from contactsense.service.drawing.link_geometry import Mesh, geometry_of, link_meshes

@@ -20,7 +20,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
-from contactsense.service.cli.serve import READY
+from contactsense.service.api import READY
 from contactsense.service.demo.child_process import child
 from contactsense.service.mock.arm.script import Script
 from tests.service import http

@@ -16,7 +16,7 @@ import pytest
 
 from contactsense import Scene
 from contactsense.robots.jit.compilation import CompilationProgress
-from contactsense.service.api.messages import PipelineHealth, SourceHealth
+from contactsense.service.live.health import PipelineHealth, SourceHealth
 from contactsense.service.live.pipeline_connection import (
     ESTIMATE,
     HEAD,

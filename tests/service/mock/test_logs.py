@@ -10,8 +10,8 @@ from click.testing import CliRunner
 
 from contactsense.service.cli import mock
 from contactsense.service.cli.main import cli
-from contactsense.service.cli.mock import READY
 from contactsense.service.demo.child_process import child
+from contactsense.service.mock import READY
 from contactsense.service.mock.interfaces.sent_log import SIZE, SentLog
 from tests.service.loopback import until
 from tests.service.mock.interfaces.test_rtde_server import PlainClient

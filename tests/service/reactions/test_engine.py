@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from contactsense import Contact, Estimate, Sample, Scene, robots
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import build_model, empty_motion
+from contactsense.robots.primitives import Sphere
 from contactsense.robots.rotations import rotation_from_rpy
-from contactsense.robots.surface.primitives import Sphere
 from contactsense.robots.tool import Tool
 from contactsense.service.reactions.engine import Engine
 from contactsense.service.reactions.rules import ReactionRules

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 import yaml
 
-from contactsense.service.cli.serve import READY
+from contactsense.service.api import READY
 from contactsense.service.demo.child_process import Child, child
 from contactsense.service.mock.arm.simulated_arm import simulate
 from contactsense.service.mock.servers import MockServers, MockSettings

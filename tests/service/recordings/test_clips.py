@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from contactsense.service.api.app import create_app
-from contactsense.service.api.routes.clips import Clips
+from contactsense.service.api.clips import Clips
 from contactsense.service.api.settings import Settings
 from contactsense.service.cli.record import record
 from contactsense.service.mock.arm.script import Script
@@ -214,7 +214,7 @@ def test_a_clip_that_is_removed_or_moved_away_is_not_listed(tmp_path: Path) -> N
 
 
 def test_only_the_newest_clips_are_listed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("contactsense.service.api.routes.clips._MOST", 3)
+    monkeypatch.setattr("contactsense.service.api.clips._MOST", 3)
     for i in range(5):
         (tmp_path / f"clip-20260101T00000{i}-000001.parquet").write_bytes(b"no table")
     clips = Clips(RecordingSettings(folder=tmp_path), lambda _: True)

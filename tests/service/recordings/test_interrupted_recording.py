@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactsense.service.api.routes.clips import Clips
+from contactsense.service.api.clips import Clips
 from contactsense.service.recordings.clip_listener import ClipListener, RecordingSettings
 from contactsense.service.recordings.segment_writer import SegmentWriter
 from tests.service.loopback import until

@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 
 from contactsense import JointTorqueSensor, Scene, WrenchSensor, robots
-from contactsense.robots.surface.primitives import Sphere
+from contactsense.robots.primitives import Sphere
 from contactsense.robots.tool import Tool
 from contactsense.scene import SceneError
 from contactsense.sensors.settings import Friction, LinkInertia

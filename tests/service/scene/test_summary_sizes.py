@@ -2,8 +2,8 @@
 
 import pytest
 
+from contactsense.robots.primitives import Box, Capsule, Sphere
 from contactsense.robots.surface.primitive_extent import extent
-from contactsense.robots.surface.primitives import Box, Capsule, Sphere
 from contactsense.robots.surroundings import Body
 from contactsense.robots.tool import Tool
 from contactsense.scene import Scene

@@ -4,7 +4,7 @@ import numpy as np
 
 from contactsense.scene import Scene
 from contactsense.service.mock.servers import MockSettings
-from contactsense.service.sensors.live_source import SourceSettings
+from contactsense.service.sensors.source_settings import SourceSettings
 from tests.service.loopback import SmallFeed, until
 
 # Longer than `KNOWN_WITHIN`: what comes after its end never changes.

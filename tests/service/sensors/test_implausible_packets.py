@@ -7,7 +7,8 @@ from contactsense.scene import JointTorqueSensor, Scene
 from contactsense.service.mock.arm.cell import TORQUE_CONSTANTS
 from contactsense.service.mock.interfaces.wire_faults import Fault
 from contactsense.service.mock.servers import MockServers
-from contactsense.service.sensors.live_source import LiveSource, SourceSettings
+from contactsense.service.sensors.live_source import LiveSource
+from contactsense.service.sensors.source_settings import SourceSettings
 from tests.service.loopback import until, waiting_clock
 from tests.service.sensors.mock_source import (
     FEED,

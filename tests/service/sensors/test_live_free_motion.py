@@ -10,7 +10,7 @@ from contactsense import Sample, Scene
 from contactsense.calibration import FreeMotion
 from contactsense.service.sensors import live_free_motion
 from contactsense.service.sensors.live_free_motion import read_live_motion
-from contactsense.service.sensors.live_source import SourceSettings
+from contactsense.service.sensors.source_settings import SourceSettings
 
 SCENE = Scene.model_validate({"robot": "ur5e", "base_wrench": None})
 DT = 0.01

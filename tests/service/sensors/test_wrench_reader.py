@@ -13,8 +13,9 @@ from contactsense.robots.tool import Tool
 from contactsense.scene import LinkWrenchSensor, WrenchSensor
 from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
 from contactsense.service.mock.servers import MockServers, MockSettings
-from contactsense.service.sensors.live_source import LiveSource, SourceSettings
+from contactsense.service.sensors.live_source import LiveSource
 from contactsense.service.sensors.network_wrench import WrenchSource
+from contactsense.service.sensors.source_settings import SourceSettings
 from tests.contactsense.link_sensors.truth import ARM, BASE, SENSOR, STEP, TORQUE, stream
 from tests.service.loopback import SmallFeed, until, waiting_clock
 from tests.service.sensors.mock_source import start_when_connected

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from contactsense import Scene
-from contactsense.robots.surface.primitives import Sphere
+from contactsense.robots.primitives import Sphere
 from contactsense.robots.surroundings import Body
 from contactsense.robots.tool import Tool
 from contactsense.service.scene.summary import link_places

@@ -16,7 +16,7 @@ from fastapi import FastAPI, WebSocket
 from fastapi.responses import PlainTextResponse
 
 from contactsense.scene import Scene
-from contactsense.service.api.estimate_json import estimate_json
+from contactsense.service.live.estimate_json import estimate_json
 from contactsense.service.reactions.health import LatchOut, ReactionsOut
 from contactsense.service.viewer import live_source
 from contactsense.service.viewer.live_source import OUTDATED, RATE, LiveSource

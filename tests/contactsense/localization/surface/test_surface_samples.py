@@ -6,8 +6,8 @@ import pytest
 from contactsense.localization.surface import surface_samples
 from contactsense.localization.surface.surface_samples import sample_surface
 from contactsense.robots import Inertia, Link, load
+from contactsense.robots.primitives import Box, Capsule, Cylinder, Primitive, Sphere
 from contactsense.robots.surface.convex_primitives import pack
-from contactsense.robots.surface.primitives import Box, Capsule, Cylinder, Primitive, Sphere
 from contactsense.robots.surface.union import distances
 
 BODIES: dict[str, tuple[Primitive, float]] = {

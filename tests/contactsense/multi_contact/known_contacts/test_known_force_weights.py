@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_t
 
-from contactsense.benchmarks.accuracy.static_cases import COLUMNS
 from contactsense.benchmarks.multi_contact.calibration import SCENARIOS, judge
 from contactsense.benchmarks.multi_contact.measure import localizer_for
 from contactsense.benchmarks.multi_contact.mesh_trials import MeshTrials
+from contactsense.benchmarks.static_truth.cases import COLUMNS
 from contactsense.localization.candidates.candidate_buffers import Candidates
 from contactsense.multi_contact.joint.known_rows import Known
 from contactsense.multi_contact.known_contacts.known_force_weights import (

@@ -12,7 +12,7 @@ from contactsense.multi_contact.memory.buffers import (
     MultiContactBuffers,
     empty_multi_contact_buffers,
 )
-from contactsense.robots.surface.primitives import Box, Primitive
+from contactsense.robots.primitives import Box, Primitive
 from contactsense.robots.vectors import Vector
 from contactsense.scene import Scene
 from contactsense.scene_model.constants import Constants, build_constants

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from contactsense.robots.surface.primitives import Sphere
+from contactsense.robots.primitives import Sphere
 from contactsense.robots.tool import Tool
 from contactsense.scene import JointTorqueSensor, LinkWrenchSensor, Scene, WrenchSensor
 from contactsense.scene_model.link_sensor_frame import LinkSensorFrame

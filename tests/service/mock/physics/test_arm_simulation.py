@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from contactsense import robots
-from contactsense.robots.surface.primitives import Sphere
+from contactsense.robots.primitives import Sphere
 from contactsense.robots.tool import Tool
 from contactsense.service.mock.arm.newton_euler import LinkLoad, inverse_dynamics
 from contactsense.service.mock.arm.obstacles import BoxObstacle

@@ -4,9 +4,9 @@ that two convex bodies' deepest point meets."""
 import numpy as np
 import pytest
 
+from contactsense.robots.primitives import Box, Capsule, Cylinder, Ellipsoid, Sphere
 from contactsense.robots.rotations import rotation_from_rpy
 from contactsense.robots.surface.convex_primitives import body, project, support
-from contactsense.robots.surface.primitives import Box, Capsule, Cylinder, Ellipsoid, Sphere
 from contactsense.service.mock.arm.obstacles import BoxObstacle, HalfSpace, SphereObstacle
 from contactsense.service.mock.physics.bodies import obstacle_arrays
 from contactsense.service.mock.physics.contact_kernels import deepest_point

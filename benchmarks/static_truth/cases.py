@@ -7,8 +7,8 @@ import click
 import numpy as np
 
 from contactsense import JointTorqueSensor, Scene, WrenchSensor
-from contactsense.benchmarks.accuracy.static_points import StaticPoints
 from contactsense.benchmarks.arms import arm
+from contactsense.benchmarks.static_truth.points import StaticPoints
 from contactsense.benchmarks.truth_arms import name_of
 from contactsense.scene import LinkPrior
 

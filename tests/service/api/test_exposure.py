@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from contactsense.service.api.http.exposure import access_rules, check_exposure
+from contactsense.service.api.exposure import access_rules, check_exposure
 from contactsense.service.api.settings import Settings, SettingsError
 
 TOKEN = "a token of many characters"

@@ -5,9 +5,9 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from contactsense.service.api.http.request_body import RequestBody
+from contactsense.service.api.clips import ClipIn, RecordingIn
 from contactsense.service.api.messages import LocateManyIn, LocateOneIn
-from contactsense.service.api.routes.clips import ClipIn, RecordingIn
+from contactsense.service.api.request_body import RequestBody
 from contactsense.service.api.routes.reactions import AcknowledgeIn, ExpectedIn
 
 

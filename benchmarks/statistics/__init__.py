@@ -1,0 +1,1 @@
+"""Whether stated probabilities and regions hold what they state."""
