@@ -32,8 +32,12 @@ _BLOCK = 1000
 """Numbers that are reserved at a time."""
 _MOST_WAITING = 10_000
 """Events that wait in memory while the file cannot be written; beyond it the oldest are lost."""
-_VACUUM_PAGES = 2000
-"""Pages that are given back to the file system at a time: 8 MB. Nothing else can use the file meanwhile."""
+_REMOVED = 500
+"""Events that are removed, or looked at, at a time. Nothing else can use the file meanwhile."""
+_PAUSE = 1e-3
+"""Time between two such steps, in which others get the file [s]."""
+_VACUUM_PAGES = 200
+"""Pages that are given back to the file system at a time, for the same reason: 0.8 MB."""
 _LEAST_SPACE = 100_000
 """Space on the disk that opening the file takes, with what is beside it [bytes]."""
 _WAL_SIZE = 16_000_000
@@ -238,17 +242,44 @@ class Journal:
         most = settings.max_memory if settings.path is None else settings.max_size
         with self.lock:
             self._follow_clock()
-            self._database.execute("DELETE FROM events WHERE stored < ?", (oldest,))
-            while self._size() > 1e6 * most:
-                (count,) = self._database.execute("SELECT count(*) FROM events").fetchone()
-                if count == 0:
-                    break
-                self._database.execute(
-                    "DELETE FROM events WHERE id IN (SELECT id FROM events ORDER BY id LIMIT ?)",
-                    (count // 10 + 1,),
-                )
+        seen: int | None = 0
+        while seen is not None:
+            seen = self._remove_older(oldest, seen)
+            time.sleep(_PAUSE)
+        while self._remove_first(1e6 * most):
+            time.sleep(_PAUSE)
+        while self._give_back():
+            time.sleep(_PAUSE)
+
+    def _remove_older(self, oldest: float, after: int) -> int | None:
+        """Remove what was stored before `oldest` from the next events after the number `after`; returns the
+        number of the last of them, None if there are none."""
+        with self.lock:
+            (last,) = self._database.execute(
+                "SELECT max(id) FROM (SELECT id FROM events WHERE id > ? ORDER BY id LIMIT ?)",
+                (after, _REMOVED),
+            ).fetchone()
+            self._database.execute(
+                "DELETE FROM events WHERE id > ? AND id <= ? AND stored < ?", (after, last, oldest)
+            )
+        return None if last is None else int(last)
+
+    def _remove_first(self, most: float) -> bool:
+        """Remove the first events if all are larger than `most` [bytes]; returns whether there were any."""
+        with self.lock:
+            if self._size() <= most:
+                return False
+            first = "SELECT id FROM events ORDER BY id LIMIT ?"
+            removed = self._database.execute(f"DELETE FROM events WHERE id IN ({first})", (_REMOVED,))
+            return removed.rowcount > 0
+
+    def _give_back(self) -> bool:
+        """Give free pages back to the file system; returns whether there were any."""
+        with self.lock:
+            free = self._pages("freelist_count")
             # `execute` steps once, which gives back a single page.
             self._database.executescript(f"PRAGMA incremental_vacuum({_VACUUM_PAGES})")
+            return self._pages("freelist_count") < free
 
     def close(self) -> None:
         """Commit and close."""
@@ -271,11 +302,11 @@ class Journal:
             self._lock_file.close()
 
     def _size(self) -> int:
-        pages, free, size = (
-            int(self._database.execute(f"PRAGMA {name}").fetchone()[0])
-            for name in ("page_count", "freelist_count", "page_size")
-        )
-        return (pages - free) * size
+        free, used = self._pages("freelist_count"), self._pages("page_count")
+        return (used - free) * self._pages("page_size")
+
+    def _pages(self, name: str) -> int:
+        return int(self._database.execute(f"PRAGMA {name}").fetchone()[0])
 
     def _read_last(self) -> int:
         row = self._database.execute("SELECT value FROM numbers WHERE name = 'reserved'").fetchone()

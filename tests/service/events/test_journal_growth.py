@@ -2,6 +2,7 @@
 
 import sqlite3
 import time
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -30,6 +31,40 @@ def test_events_in_memory_have_a_smaller_limit_than_those_in_a_file() -> None:
         kept = journal.since(begin, 10_000)
         assert 0 < sum(map(len, kept)) < 0.3e6
         assert '"contact":2999' in kept[-1]  # the oldest go first
+
+
+@pytest.mark.parametrize("days", [0.0, 31.0], ids=["size", "age"])
+def test_others_get_the_journal_while_events_are_removed(
+    days: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The service sends nothing while it waits for the journal."""
+    monkeypatch.setattr(journals, "_REMOVED", 100)
+    monkeypatch.setattr(journals, "_VACUUM_PAGES", 10)
+    with Journal(JournalSettings(path=tmp_path / "j.db", max_size=0.05)) as journal:
+        filled(journal, 1000)
+        left: list[tuple[int, int]] = []
+
+        class Lock:
+            """Notes how many events and pages there are each time that others could have it."""
+
+            def __enter__(self) -> None:
+                lock.acquire()
+
+            def __exit__(self, *_: object) -> None:
+                (events,) = journal.database.execute("SELECT count(*) FROM events").fetchone()
+                (pages,) = journal.database.execute("PRAGMA page_count").fetchone()
+                left.append((events, pages))
+                lock.release()
+
+        lock = journal.lock
+        with monkeypatch.context() as patch:
+            patch.setattr(journal, "lock", Lock())
+            journal.prune(time.time() + 86400.0 * days)
+        assert left[-1][0] < 200
+        assert left[-1][1] < 0.5 * left[0][1]
+        for before, after in pairwise(left):
+            assert before[0] - after[0] <= 100
+            assert before[1] - after[1] <= 10
 
 
 def test_the_file_gets_smaller_when_events_are_removed(tmp_path: Path) -> None:
