@@ -109,6 +109,7 @@ class ClockMap:
                 self._points.pop()
             self._fit()
             self._points.append((x, y))
+            self._offset = min(self._offset, y - self.period * x)
         else:
             self._least, self._heard = min(self._least, residual), self._heard + 1
             last = self._points[-1]

@@ -112,6 +112,16 @@ def test_an_arrival_that_is_less_delayed_than_all_before_counts_at_once() -> Non
     assert in_time.host(3.0) == pytest.approx(3.0 - 0.02, abs=2e-3)
 
 
+@pytest.mark.parametrize("interval", [0.002, 0.4])
+def test_no_reading_is_taken_for_one_after_its_arrival(interval: float) -> None:
+    """Even the first one of a block, as is each of a slow sensor."""
+    rng, clock = np.random.default_rng(0), ClockMap(1.0)
+    for k in range(200):
+        arrival = k * interval + rng.exponential(0.01)
+        clock.observe(k * interval, round(arrival * NS))
+        assert clock.host(k * interval) + clock.origin_ns / NS <= arrival + 1e-8
+
+
 @pytest.mark.parametrize(("late_robot", "ready"), [(0.0, False), (0.02, True)])
 def test_both_streams_late_soon_after_the_start_are_aligned_as_before(late_robot: float, ready: bool) -> None:
     """A sensor that alone is late so soon may have been in time before, or be in time now."""
