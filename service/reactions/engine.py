@@ -153,7 +153,6 @@ class Engine:
             if (state.rule.name, state.name, "collision") == (begin.rule, begin.level, begin.level):
                 # The rules may have other actions now; an acknowledgement must end the present ones.
                 state.active, state.begin = True, replace(begin, actions=state.level.actions)
-                self._busy = True
                 return True
         return False
 
@@ -194,7 +193,7 @@ class Engine:
     ) -> Decision | None:
         rule, level, t = state.rule, state.level, estimate.t
         if degraded and (rule.on_degraded == "hold" or (rule.on_degraded == "act" and not estimate.contacts)):
-            state.above_since = None if not state.active else state.above_since
+            state.above_since = None
             return None
         holds = rule.condition == "any" or (rule.condition == "moving") == moving
         if degraded and rule.on_degraded == "ignore":

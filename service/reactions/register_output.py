@@ -41,14 +41,14 @@ class RegisterOutput:
         """Choose among the active levels."""
         shown = [decision for decision in active if self._name in decision.actions]
         chosen = max(shown, key=lambda each: (each.level == "collision", each.t), default=None)
-        if chosen != self._chosen:
-            self._chosen = self.shown = chosen
+        self._chosen = self.shown = chosen
 
     def follow(self, engine: Engine, estimate: Estimate) -> None:
         """Show force and place as estimated now; of a contact that has ended, those with which the level
         began."""
-        if self._chosen is None or self.shown is None:
+        if self._chosen is None:
             return
+        assert self.shown is not None
         # A degraded estimate may lack a contact that lasts.
         ended = estimate.status != "degraded" and all(c.id != self._chosen.contact for c in estimate.contacts)
         self.shown = self._chosen if ended else engine.updated(self.shown, estimate)

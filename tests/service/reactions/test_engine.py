@@ -9,33 +9,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactsense import Contact, Estimate, Sample, Scene, robots
+from contactsense import Estimate, Sample, Scene, robots
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import build_model, empty_motion
 from contactsense.robots.primitives import Sphere
 from contactsense.robots.rotations import rotation_from_rpy
 from contactsense.robots.tool import Tool
 from contactsense.service.reactions.engine import Engine
-from contactsense.service.reactions.rules import ReactionRules
+from contactsense.service.reactions.rules import ReactionRules, RulesError
+from tests.service.reactions.engines import HIGH, engine, rule, run
 from tests.service.reactions.estimates import SCENE, contact, estimate, sample
 
 STEP = 0.002
-
-
-def engine(*rules: dict[str, Any], **more: Any) -> Engine:
-    return Engine(ReactionRules.model_validate({"rules": rules, **more}), SCENE)
-
-
-def rule(**fields: Any) -> dict[str, Any]:
-    return {"name": "r", "links": ["forearm"], "collision": {"force": 50.0}, **fields}
-
-
-def run(machine: Engine, *estimates: Estimate, speed: float = 0.0) -> list[tuple[float, str, str]]:
-    return [(d.t, d.level, d.kind) for e in estimates for d in machine.step(sample(e.t, speed), e)]
-
-
 LEVEL = 50.0
-HIGH = contact(newtons=60.0)
 FORCES = [  # force [N], fires with probability 0.9 at a level of 50 N and a deviation of 1 N
     (45.0, False), (50.0, False), (51.2, False), (51.3, True), (60.0, True)
 ]  # fmt: skip
@@ -172,11 +158,38 @@ def test_one_rule_is_acknowledged_and_the_other_not() -> None:
 
 
 def test_a_latch_is_restored() -> None:
-    first, second = engine(rule()), engine(rule())
-    (begin,) = first.step(sample(0.0), estimate(0.0, HIGH))
-    second.restore(begin)
+    both = rule(contact={"force": 50.0})
+    first, second = engine(both), engine(rule(name="other"), both)
+    _, begin = first.step(sample(0.0), estimate(0.0, HIGH))
+    assert second.restore(begin)
     assert second.latches == first.latches
-    assert run(second, estimate(5.0, HIGH)) == []
+    assert [(d.rule, d.level) for d in second.active] == [("r", "collision")]
+    other, contact_level = second.step(sample(5.0), estimate(5.0, HIGH))
+    assert (other.rule, other.level) == ("other", "collision")
+    assert (contact_level.rule, contact_level.level) == ("r", "contact")
+
+
+@pytest.mark.parametrize("now", [rule(name="other"), rule(collision=None, contact={"force": 50.0})])
+def test_a_latch_of_a_level_that_the_rules_no_longer_have_is_not_restored(now: dict[str, Any]) -> None:
+    (begin,) = engine(rule()).step(sample(0.0), estimate(0.0, HIGH))
+    machine = engine(now)
+    assert not machine.restore(begin)
+    assert machine.active == ()
+
+
+def test_only_collisions_latch_and_are_acknowledged() -> None:
+    machine = engine(rule(contact={"force": 20.0}))
+    run(machine, estimate(0.0, HIGH))
+    assert [d.level for d in machine.active] == ["contact", "collision"]
+    assert len(machine.latches) == 1
+    assert [d.level for d in machine.acknowledge()] == ["collision"]
+    assert [d.level for d in machine.active] == ["contact"]
+    assert run(machine, estimate(0.1)) == [(0.1, "contact", "end")]
+
+
+def test_rules_of_another_arm_are_refused() -> None:
+    with pytest.raises(RulesError, match=r"rules: r: .*elbow_9"):
+        engine(rule(links=["elbow_9"]))
 
 
 def test_a_latch_is_restored_with_the_actions_that_the_rules_have_now() -> None:
@@ -211,6 +224,13 @@ def test_a_duration_begins_anew_after_a_degraded_estimate_that_holds() -> None:
     assert seen == [(0.2, "collision", "begin")]
 
 
+@pytest.mark.parametrize("between", [estimate(0.05), estimate(0.05, contact(newtons=20.0))])
+def test_a_duration_begins_anew_after_a_sample_without_the_force(between: Estimate) -> None:
+    machine = engine(rule(collision={"force": 50.0, "duration": 0.1}), rule(name="s", links=["wrist_3"]))
+    seen = run(machine, estimate(0.0, HIGH), between, estimate(0.1, HIGH), estimate(0.2, HIGH))
+    assert seen == [(0.2, "collision", "begin")]
+
+
 def test_blindness_ends_nothing() -> None:
     machine = engine(rule(collision=None, contact={"force": 50.0}))
     run(machine, estimate(0.0, HIGH))
@@ -241,38 +261,6 @@ def test_a_level_that_was_active_when_the_clock_was_set_back_ends_with_the_conta
     assert run(machine, estimate(0.0, HIGH), estimate(0.1), estimate(0.2)) == [(0.1, "contact", "end")]
 
 
-EXPECTED = {"name": "insert", "links": ["forearm"], "force": 80.0, "timeout": 1.0, "value": 3}
-
-
-@pytest.mark.parametrize(
-    ("more", "touched", "fires"),
-    [
-        ({}, contact(newtons=60.0), False),
-        ({}, contact(newtons=85.0), True),
-        ({}, contact("upper_arm", 60.0), True),
-        ({"force": 30.0}, contact(newtons=40.0), False),
-        ({"point": [0.5, 0.0, 0.42]}, contact(newtons=60.0), False),
-        ({"point": [0.5, 0.1, 0.4]}, contact(newtons=60.0), True),
-    ],
-)
-def test_an_expected_contact_has_a_higher_level(more: dict[str, Any], touched: Contact, fires: bool) -> None:
-    machine = engine(rule(links=["any"]), expected=[{**EXPECTED, **more}])
-    run(machine, estimate(0.0))
-    assert machine.announce("insert")
-    assert bool(run(machine, estimate(0.5, touched))) == fires
-
-
-def test_an_active_level_keeps_its_hysteresis_in_a_window() -> None:
-    level = {"force": 20.0, "release": 0.8}
-    window = {"name": "w", "links": ["forearm"], "force": 60.0}
-    machine = engine(rule(collision=None, contact=level), expected=[window])
-    assert machine.announce("w")
-    forces = [65.0, 55.0, 65.0, 52.0, 44.0]  # begins above 60 N, ends below 48 N
-    found = run(machine, *(estimate(i * STEP, contact(newtons=newtons)) for i, newtons in enumerate(forces)))
-    assert [kind for _, _, kind in found] == ["begin", "end"]
-    assert found[-1][0] == 4 * STEP
-
-
 def test_a_decision_is_updated_by_the_explanation_on_its_rules_links() -> None:
     machine = engine(rule())
     (begin,) = machine.step(sample(0.0), estimate(0.0, contact(newtons=60.0)))
@@ -290,30 +278,6 @@ def test_a_decision_is_updated_by_the_most_probable_explanation_of_its_own_conta
         for newtons, probability, number in ((61.0, 0.2, 2), (62.0, 0.8, 2), (63.0, 0.9, 3))
     )
     assert machine.updated(begin, estimate(0.1, less, more, another, status="multiple")).force == 62.0
-
-
-def test_only_a_window_that_is_open_closes() -> None:
-    windows = [{"name": name, "links": ["forearm"], "force": 60.0} for name in ("a", "b")]
-    machine = engine(rule(), expected=windows)
-    machine.announce("a")
-    assert machine.withdraw("b") == ()
-    assert machine.withdraw() == ("a",)
-
-
-def test_windows_close() -> None:
-    machine = engine(rule(), expected=[EXPECTED])
-    assert not machine.announce("remove")
-    assert machine.by_value(3) == "insert"
-    assert machine.by_value(4) is None
-    run(machine, estimate(0.0))
-    machine.announce("insert")
-    assert run(machine, estimate(0.9, HIGH)) == []
-    assert run(machine, estimate(1.1, HIGH)) == [(1.1, "collision", "begin")]  # timed out
-    machine.acknowledge()
-    machine.announce("insert")
-    assert machine.windows == ("insert",)
-    machine.withdraw("insert")
-    assert run(machine, estimate(1.2, HIGH)) == [(1.2, "collision", "begin")]
 
 
 @given(st.lists(st.sampled_from([60.0, 20.0, None]), min_size=1, max_size=60), st.integers(0, 10))
@@ -368,14 +332,3 @@ def test_a_direction_in_the_links_frame_turns_with_it(link: str) -> None:
     for axis, fires in ((1, False), (0, True)):
         hit = estimate(0.0, replace(contact(force_base=60.0 * frame[:, axis]), link=link, link_index=index))
         assert bool(machine.step(sample(0.0, q=q), hit)) == fires
-
-
-def test_a_window_that_is_announced_before_the_first_sample_opens_with_it() -> None:
-    machine = engine(
-        rule(), expected=[{"name": "insert", "links": ["forearm"], "force": 100.0, "timeout": 1.0}]
-    )
-    assert machine.announce("insert")
-    assert not run(machine, estimate(500.0), estimate(500.9, HIGH))
-    assert machine.windows == ("insert",)
-    assert run(machine, estimate(501.1, HIGH))
-    assert machine.windows == ()
