@@ -173,8 +173,9 @@ class RtdeInputs:
                 if not accepted:
                     raise wire.RtdeProtocolError(f"it does not speak RTDE version {wire.PROTOCOL_VERSION}")
             case wire.SetupReply(True, recipe_id, types):
-                name = self._asked.pop(0)
-                self._take_inputs(name, recipe_id, types, now)
+                if not self._asked:
+                    raise wire.RtdeProtocolError("expected one answer to each setup of inputs, got another")
+                self._take_inputs(self._asked.pop(0), recipe_id, types, now)
             case wire.SetupReply(False, recipe_id, types):
                 self._output = wire.Recipe(recipe_id, self._outputs, types)
                 self._send(wire.encode(wire.Start()))

@@ -1,0 +1,103 @@
+"""The connection that writes a controller's inputs."""
+
+import socket
+import time
+from typing import Any
+
+import pytest
+
+from contactsense.service.reactions.rtde_inputs import RtdeInputs
+from contactsense.service.wire import rtde as wire
+from tests.service.loopback import rtde_server
+from tests.service.reactions.listener_play import poll_until
+
+
+def test_a_controller_that_is_away_is_told_and_found_again() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+    inputs = RtdeInputs("127.0.0.1", port, {"a": ["input_int_register_47"]})
+    deadline = time.monotonic() + 60.0
+    while not inputs.error:
+        assert time.monotonic() < deadline
+        inputs.poll(time.monotonic())
+        time.sleep(0.002)
+    assert (
+        inputs.error == f"RTDE inputs of the robot at 127.0.0.1:{port}: cannot be reached: Connection refused"
+    )
+    with rtde_server(port=port) as server:
+        while not inputs.ready:
+            assert time.monotonic() < deadline
+            inputs.poll(time.monotonic())
+            time.sleep(0.002)
+        assert not inputs.error
+        assert inputs.write("a", [5])
+        while server.controller.inputs.get("input_int_register_47") != (5,):
+            assert time.monotonic() < deadline
+            time.sleep(0.002)
+    inputs.close()
+
+
+def test_a_mute_controller_blocks_nobody() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as mute:
+        inputs = RtdeInputs("127.0.0.1", mute.getsockname()[1], {"a": ["input_int_register_47"]})
+        now = 0.0
+        for _ in range(300):
+            inputs.poll(now)
+            now += 0.01
+        assert "no answer in time" in inputs.error
+        inputs.close()
+
+
+def test_an_answer_that_was_not_asked_for_is_told_and_ends_the_connection() -> None:
+    """Which recipe it is about is not known."""
+    with socket.create_server(("127.0.0.1", 0)) as strange:
+        inputs = RtdeInputs("127.0.0.1", strange.getsockname()[1], {"a": ["input_int_register_47"]})
+        poll_until(inputs, lambda: inputs._socket is not None)
+        connection, _ = strange.accept()
+        with connection:
+            connection.sendall(2 * wire.encode(wire.SetupReply(True, 1, ("INT32",))))
+            poll_until(inputs, lambda: bool(inputs.error))
+        assert "expected one answer to each setup of inputs, got another" in inputs.error
+        assert not inputs.can_write("a")
+        inputs.close()
+
+
+@pytest.mark.parametrize("host", ["robot.invalid", 64 * "a" + ".invalid"])
+def test_a_name_that_cannot_be_resolved_is_told(host: str) -> None:
+    inputs = RtdeInputs(host, 30004, {"a": ["input_int_register_47"]})
+    poll_until(inputs, lambda: bool(inputs.error))
+    assert f"RTDE inputs of the robot at {host}:30004: the name {host} cannot be resolved" in inputs.error
+
+
+def test_a_controller_that_has_moved_is_found_by_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    address = "127.0.0.2"
+
+    def look_up(*_: Any) -> list[tuple[int, int, int, str, tuple[str, int]]]:
+        return [(socket.AF_INET, socket.SOCK_STREAM, 0, "", (address, 0))]
+
+    with rtde_server() as server:
+        monkeypatch.setattr(socket, "getaddrinfo", look_up)
+        inputs = RtdeInputs("robot", server.port, {"a": ["input_int_register_47"]})
+        poll_until(inputs, lambda: "Connection refused" in inputs.error)
+        address = "127.0.0.1"
+        poll_until(inputs, lambda: inputs.can_write("a"))
+        inputs.close()
+
+
+def test_a_recipe_that_was_refused_is_asked_for_once_by_the_next_connection() -> None:
+    """A second request for the same inputs would find them in use, by ourselves."""
+    taken = {"a": ["input_int_register_47"]}
+    with rtde_server() as server:
+        first, second = (RtdeInputs("127.0.0.1", server.port, taken) for _ in range(2))
+        poll_until(first, lambda: first.ready)
+        poll_until(second, lambda: bool(second.refused))
+        first.close()
+    poll_until(second, lambda: bool(second.error))
+    assert not second.refused
+    with rtde_server(port=server.port):
+        poll_until(second, lambda: second.ready)
+        deadline = time.monotonic() + 1.5
+        poll_until(second, lambda: time.monotonic() > deadline)
+        assert second.ready
+        assert not second.refused
+    second.close()
