@@ -93,7 +93,7 @@ class BagFile:
 
     def _messages(self, wanted: tuple[str, ...]) -> tuple[dict[str, list[Any]], dict[str, str]]:
         try:
-            from rosbags.highlevel import AnyReader, AnyReaderError
+            from rosbags.highlevel import AnyReader
             from rosbags.typesys import Stores, get_typestore
         except ImportError as error:
             raise RecordingError(
@@ -112,8 +112,8 @@ class BagFile:
                     messages.setdefault(connection.topic, []).append(
                         reader.deserialize(raw, connection.msgtype)
                     )
-        except (AnyReaderError, OSError, KeyError, ValueError) as error:
-            return self._rest(wanted, store, str(error))
+        except Exception as error:  # a damaged bag raises errors of each package that has a part in reading it
+            return self._rest(wanted, store, str(error) or type(error).__name__)
         return messages, found
 
     def _rest(
@@ -127,13 +127,18 @@ class BagFile:
         messages: dict[str, list[Any]] = {}
         found: dict[str, str] = {}
         for file in storage_files(self._path):
+            damaged = 0
             try:
                 for topic, kind, data in raw_messages(file):
                     found[topic] = kind
                     if topic in wanted:
-                        messages.setdefault(topic, []).append(store.deserialize_cdr(data, kind))
+                        message = _deserialized(store, data, kind)
+                        damaged += message is None
+                        messages.setdefault(topic, []).extend(() if message is None else (message,))
             except (OSError, ValueError, KeyError) as error:
                 problem = f"{problem}; {file.name}: {error}"
+            if damaged:
+                problem = f"{problem}; {file.name}: {damaged} of its messages cannot be read"
         if not found:
             raise RecordingError(f"{self._path}: cannot read the recording: {problem}")
         row = len(messages.get(wanted[0], []))
@@ -177,6 +182,14 @@ class BagFile:
                 table = np.array(rows)
                 columns |= {f"{prefix}_{i}": table[:, i] for i in range(table.shape[1])}
         return columns
+
+
+def _deserialized(store: Any, data: bytes, kind: str) -> Any:
+    """A message; None if it is damaged or of a kind that is not known."""
+    try:
+        return store.deserialize_cdr(data, kind)
+    except Exception:  # damaged lengths raise errors of many kinds
+        return None
 
 
 def _joint_names(message: Any) -> tuple[str, ...]:

@@ -42,7 +42,7 @@ def _of_mcap(path: Path) -> Iterator[tuple[str, str, bytes]]:
     # A damaged length must not be used as the size of a record.
     limit = path.stat().st_size
     with path.open("rb") as file:
-        records = StreamReader(file, record_size_limit=limit).records
+        records = StreamReader(file, validate_crcs=True, record_size_limit=limit).records
         while True:
             try:
                 record = next(records)

@@ -1,5 +1,7 @@
 """MCAP files and rosbag2 folders, whole and cut short."""
 
+import sqlite3
+from contextlib import closing
 from functools import cache
 from pathlib import Path
 from shutil import copytree
@@ -111,6 +113,34 @@ def test_a_folder_without_metadata_is_read_whole_and_said_to_be_incomplete(
     found = read(bag, SCENE)
     assert len(found) == N
     assert "metadata.yaml is missing" in found.problems[-1].message
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("content", [b"", b"\xff" * 200], ids=["none", "no lengths"])
+def test_messages_that_are_damaged_are_left_out_and_told(
+    tmp_path: Path, rosbag: Path, content: bytes
+) -> None:
+    bag = copytree(rosbag, tmp_path / "bag")
+    with closing(sqlite3.connect(bag / "bag.db3")) as database:
+        database.execute("UPDATE messages SET data = ? WHERE topic_id = 1 AND id = 21", (content,))
+        database.commit()
+    found = read(bag, SCENE)
+    np.testing.assert_array_equal(found.q, np.delete(_recording().q, 10, axis=0))
+    assert "bag.db3: 1 of its messages cannot be read" in found.problems[-1].message
+
+
+def test_a_damaged_chunk_of_an_mcap_file_is_not_used(tmp_path: Path) -> None:
+    """Values that the damage has changed would be taken for measured ones."""
+    path = tmp_path / "a.mcap"
+    export(_recording(6000), path)
+    data = bytearray(path.read_bytes())
+    middle = slice(len(data) // 2, len(data) // 2 + 8)
+    data[middle] = bytes(255 - byte for byte in data[middle])
+    path.write_bytes(data)
+    found = read(path, SCENE)
+    assert 0 < len(found) < 6000
+    np.testing.assert_array_equal(found.q, _recording().q[: len(found)])
+    assert found.problems[-1].kind == "cut_short"
 
 
 def test_what_is_no_bag_is_refused(tmp_path: Path) -> None:
