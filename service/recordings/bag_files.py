@@ -112,7 +112,9 @@ class BagFile:
                     messages.setdefault(connection.topic, []).append(
                         reader.deserialize(raw, connection.msgtype)
                     )
-        except Exception as error:  # a damaged bag raises errors of each package that has a part in reading it
+        except (
+            Exception
+        ) as error:  # a damaged bag raises errors of each package that has a part in reading it
             return self._rest(wanted, store, str(error) or type(error).__name__)
         return messages, found
 

@@ -177,7 +177,7 @@ class CsvTable:
                 raise RecordingError(f"{self._path}: {reason(error)}") from None
             # A cell is not a number: read text, convert dates, and mark what cannot be converted.
             self.problems.clear()
-            yield from chosen_rows(self._typed(names, pa.string()), done, None)
+            yield from chosen_rows(self._typed(names, pa.binary()), done, None)  # it may be no UTF-8
 
     def _open(self) -> Any:
         return io.BufferedReader(_Gzip(self._path)) if self._packed else self._path.open("rb")
@@ -239,8 +239,7 @@ class CsvTable:
     def _cells(self, column: pa.Array) -> list[str | None]:
         if self._decimal_commas:
             column = pc.replace_substring(column, ",", ".")
-        cells: list[str | None] = column.to_pylist()
-        return cells
+        return [None if cell is None else cell.decode("utf-8", "replace") for cell in column.to_pylist()]
 
     def _report(self, row_from: int, row_to: int, message: str) -> None:
         self.problems.append(Problem(row_from, row_to, "bad_row", message))

@@ -79,7 +79,8 @@ def _held(kind: pa.DataType) -> str:
 def text_metadata(metadata: dict[bytes, bytes] | None) -> dict[str, str]:
     """Metadata of a file as text, without what Arrow and pandas add."""
     skipped = (b"ARROW:schema", b"pandas")
-    return {k.decode(): v.decode(errors="replace") for k, v in (metadata or {}).items() if k not in skipped}
+    items = (metadata or {}).items()
+    return {k.decode(errors="replace"): v.decode(errors="replace") for k, v in items if k not in skipped}
 
 
 def check_twice(path: Path, names: list[str]) -> None:

@@ -32,5 +32,5 @@ def open_table(path: Path) -> TableFile:
         if suffix in (".arrow", ".arrows", ".feather"):
             return ArrowTable(path)
         return CsvTable(path)
-    except (OSError, pa.ArrowException) as error:
+    except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
         raise RecordingError(f"{path}: cannot read the recording: {reason(error)}") from None

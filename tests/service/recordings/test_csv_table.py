@@ -59,14 +59,18 @@ def test_dates_of_another_form_are_told_the_one_that_is_read(tmp_path: Path, dat
         read(tmp_path / "a.csv", SCENE)
 
 
-def test_units_below_the_header_are_one_problem(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("unit", "encoding", "shown"),
+    [("rad", "utf-8", "rad"), ("°", "utf-8", "°"), ("°", "latin-1", "\ufffd")],
+)
+def test_units_below_the_header_are_one_problem(tmp_path: Path, unit: str, encoding: str, shown: str) -> None:
     found = columns()
     head, *lines = text(found).splitlines()
-    units = ",".join(["s", *["rad"] * (head.count(","))])
-    (tmp_path / "a.csv").write_text("\n".join([head, units, *lines]))
+    units = ",".join(["s", *[unit] * (head.count(","))])
+    (tmp_path / "a.csv").write_text("\n".join([head, units, *lines]), encoding=encoding)
     recording = read(tmp_path / "a.csv", SCENE)
     assert problem_lines(recording.problems) == (
-        "row 0: expected numbers, got 's', 'rad', 'rad', ...; row ignored",
+        f"row 0: expected numbers, got 's', '{shown}', '{shown}', ...; row ignored",
     )
     np.testing.assert_array_equal(recording.q, table(found, "actual_q"))
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.feather as pa_feather
 import pyarrow.parquet as pa_parquet
 import pytest
 from hypothesis import given, settings
@@ -217,6 +218,17 @@ def test_a_recording_that_carries_its_scene_needs_no_other(tmp_path: Path) -> No
     )
     with pytest.raises(RecordingError, match="carries no scene"):
         read(as_csv(tmp_path, columns()))
+
+
+@pytest.mark.parametrize("write", [pa_parquet.write_table, pa_feather.write_feather])
+def test_names_that_are_damaged_are_told(tmp_path: Path, write: Callable[..., None]) -> None:
+    """Those of the metadata say nothing about the readings."""
+    path = tmp_path / ("a.feather" if write is pa_feather.write_feather else "a.parquet")
+    write(pa.table(columns(), metadata={b"\xff": b"\xff"}), path)
+    assert len(read(path, SCENE)) == N
+    path.write_bytes(path.read_bytes().replace(b"actual_q_0", b"actual_q_\xff"))
+    with pytest.raises(RecordingError, match=rf"{path.name}: .*(cannot read the recording|actual_q)"):
+        read(path, SCENE)
 
 
 def test_there_and_back_through_pandas_and_arrow(tmp_path: Path) -> None:
