@@ -194,9 +194,7 @@ def _weight_within(scene: Scene, field: str) -> Callable[[np.ndarray], np.ndarra
 
 
 def _base(scene: Scene) -> tuple[Model, _Reading]:
-    sensor = scene.base_wrench
-    assert sensor is not None
-    fixed = WrenchMap.of(sensor)
+    fixed = WrenchMap.of(scene.base_wrench)
     return model_with_tool(scene), lambda _, wrench: fixed.reading(wrench)
 
 

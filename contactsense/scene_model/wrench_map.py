@@ -48,6 +48,12 @@ class WrenchMap:
         return cls(to_base, np.linalg.inv(to_base), np.array(bias, dtype=float))
 
     @classmethod
-    def of(cls, sensor: WrenchSensor) -> "WrenchMap":
-        """The map for a scene's sensor under the base."""
+    def of(cls, sensor: WrenchSensor | None) -> "WrenchMap":
+        """The map for a scene's sensor under the base, `Scene.base_wrench`.
+
+        Raises:
+            ValueError: It is None: the scene has no such sensor.
+        """
+        if sensor is None:
+            raise ValueError("base_wrench: expected a sensor of the scene, which has none under the base")
         return cls.make(sensor.rotation, np.asarray(sensor.translation), sensor.sign_factor, sensor.bias)

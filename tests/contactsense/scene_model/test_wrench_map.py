@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from contactsense import WrenchSensor
+from contactsense import Scene, WrenchSensor
 from contactsense.scene_model.wrench_map import WrenchMap
 
 BIAS = (1.0, 2.0, 3.0, 0.1, 0.2, 0.3)
@@ -23,3 +23,9 @@ def test_a_turned_sensor_below_the_base(sign: str, factor: float) -> None:
     np.testing.assert_allclose(
         wrench_map.wrench(np.array([reading, BIAS])), [wrench, np.zeros(6)], atol=1e-12
     )
+
+
+def test_a_scene_without_base_sensor_is_told_so() -> None:
+    scene = Scene(robot="ur5e", base_wrench=None)
+    with pytest.raises(ValueError, match="base_wrench: expected a sensor of the scene, which has none"):
+        WrenchMap.of(scene.base_wrench)
