@@ -35,7 +35,7 @@ from contactsense.setup_check.lines import (
 )
 from contactsense.setup_check.motion_basis import MotionBases, Readings
 from contactsense.setup_check.proposals import line_value
-from contactsense.setup_check.result import Finding, SetupCheck, Verdict
+from contactsense.setup_check.result import FITS_BETTER, Finding, SetupCheck, Verdict
 from contactsense.setup_check.search import searched
 from contactsense.setup_check.sensor_findings import (
     base_offset,
@@ -58,6 +58,9 @@ from contactsense.setup_check.usable_recordings import AT_RANGE, FROZEN, check_u
 
 _MOVES, _MOVING_SHARE = 0.02, 0.3
 """A joint moves if it is faster than this [rad/s] for more than this share of the time."""
+_BETTER = 6.0
+"""A value is said to fit better if twice the log likelihood rises by more than this: strong evidence in the
+scale of R. E. Kass and A. E. Raftery (see `contactsense.setup_check.fit`), and less than proposals need."""
 
 
 def check(
@@ -259,8 +262,9 @@ def _judged(fitter: Fitter, scene: Scene, now: Fit, candidate: Candidate) -> Fin
             remark = f"{', '.join(names)}: {remark}" if names else remark
     if verdict == "fits" and other is not None and other < EXCLUDED:
         verdict = "cannot_tell"
-        remark = "another value fits as well"
-        if not candidate.hypothesis.free:
+        better = other < -_BETTER
+        remark = FITS_BETTER if better else "another value fits as well"
+        if better or not candidate.hypothesis.free:
             nearest = min(distinct, key=fitter.cost)
             remark += f": {line_value(line, nearest.setup, scene)[0]}"
     return Finding(line, verdict, line_value(line, now.setup, scene)[0], None, remark, std, evidence=other)

@@ -8,6 +8,9 @@ from contactsense.setup_check.lines import Line
 
 Verdict = Literal["fits", "does_not_fit", "cannot_tell"]
 """What the motion says of a line: it fits, another value fits better, or the motion does not determine it."""
+FITS_BETTER = "another value fits better, though not clearly"
+"""Begins the remark on an undetermined line of which a value fits better, by less than is needed to propose
+it; the value follows."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +58,8 @@ class Finding:
     """With all proposed values."""
     evidence: float | None = None
     """By how much twice the log likelihood rises with the proposed value, less the penalty for its free
-    parameters; or falls, with the best other value, where the scene's fits. None for continuous lines."""
+    parameters; or falls, with the best other value, where the scene's fits or the line is undetermined. None
+    where no other value was found."""
     instead: tuple[Line, ...] = ()
     """Other lines whose change would explain the readings about as well."""
 

@@ -24,6 +24,7 @@ from contactsense.service.sensors.live_free_motion import read_live_motion
 from contactsense.service.sensors.robot_stream import SensorError
 from contactsense.setup_check import CheckError, Finding, Residuals, SetupCheck
 from contactsense.setup_check import check as run
+from contactsense.setup_check.result import FITS_BETTER
 
 _VERDICTS = {
     "fits": "fits",
@@ -142,6 +143,10 @@ def print_check(found: SetupCheck, console: Console) -> None:
     console.print(table)
     for item in found.wrong:
         console.print(_explained(item), highlight=False, soft_wrap=True)
+    for item in found.findings:
+        if item.remark.startswith(FITS_BETTER):
+            text = f"{item.line}: {_with_unit(item.line, item.remark)}"
+            console.print(text, highlight=False, markup=False, soft_wrap=True)
     if found.unexplained:
         console.print("Not explained by any of these lines (a contact, another signal, a fault?):")
         for text in found.unexplained:

@@ -29,6 +29,7 @@ from contactsense.service.sensors.robot_stream import SensorError
 from contactsense.service.sensors.source_settings import SourceSettings
 from contactsense.setup_check import Finding, Residuals, SetupCheck
 from contactsense.setup_check import check as run
+from contactsense.setup_check.result import FITS_BETTER
 from contactsense.types import Sample
 from tests.service.loopback import own_address, until
 
@@ -72,6 +73,16 @@ def test_where_nothing_can_be_told_and_residuals_remain_a_contact_is_suspected()
     assert "Something may have touched the arm: repeat without contact" in text
     assert "To determine the other lines, move more joints" not in text
     assert "To determine the other lines, move more joints" in _printed(SetupCheck(findings, left, (), 10.0))
+
+
+def test_a_value_that_fits_better_is_shown_though_it_is_not_proposed() -> None:
+    """A base sensor displaced by 30 mm, where velocities are noisy and the motion takes a few seconds."""
+    place, remark = "base_wrench.translation", f"{FITS_BETTER}: [0, 0, -0.065]"
+    better = Finding(place, "cannot_tell", "[0, 0, -0.035]", remark=remark)
+    as_well = Finding("base_wrench.rpy", "cannot_tell", "[0, 0, 0]", remark="another value fits as well")
+    text = _printed(SetupCheck((better, as_well), Residuals(None, None, 0.1), (), 10.0))
+    assert f"{place}: {remark} m\n" in text
+    assert "as well" not in text
 
 
 def test_values_have_their_units() -> None:

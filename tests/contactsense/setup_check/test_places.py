@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 
 from contactsense import Scene, WrenchSensor
+from contactsense.benchmarks.calibration.setup_draws import Settings, right_setup
 from contactsense.benchmarks.calibration.simulate import simulate
 from contactsense.calibration.motion.fourier_trajectory import FourierTrajectory
+from contactsense.setup_check import check
 from contactsense.setup_check.fit import Fitter
 from contactsense.setup_check.motion_basis import MotionBases, Readings
+from contactsense.setup_check.result import FITS_BETTER
 from contactsense.setup_check.setup import BASE, Free, Setup
 from tests.plain_arm import plain_ur5e
 
@@ -35,3 +38,22 @@ def test_the_noise_of_the_velocities_does_not_move_a_base_sensor(height: float) 
     error = found.setup.sensors[BASE].translation - place
     assert np.abs(error / found.std).max() < 3.0
     assert found.std.max() < 0.03
+
+
+@pytest.mark.slow
+def test_a_small_displacement_is_shown_where_the_velocities_are_too_noisy_to_propose_it() -> None:
+    """With the noise of a real arm's velocities, 12 s of slow motion are too short for 3 cm."""
+    case = right_setup("ur5e", 2, Settings(seconds=12.0))
+    sensor, motion = case.scene.base_wrench, case.recording
+    assert sensor is not None
+    x, y, z = sensor.translation
+    stated = sensor.model_copy(update={"translation": (x, y, z + 0.03)})
+    noise = 0.001 * np.random.default_rng(2).standard_normal(motion.qd.shape)
+    recording = replace(motion, qd=motion.qd + noise)
+    found = check(case.scene.model_copy(update={"base_wrench": stated}), [recording])
+    assert found.fits
+    (item,) = [item for item in found.findings if item.line == "base_wrench.translation"]
+    assert (item.verdict, item.proposed) == ("cannot_tell", None)
+    text, _, value = item.remark.partition(": ")
+    assert text == FITS_BETTER
+    np.testing.assert_allclose([float(number) for number in value[1:-1].split(",")], [x, y, z], atol=0.01)
