@@ -19,8 +19,8 @@ from contactsense.service.api.settings import Settings
 from contactsense.service.mock.arm.script import Script
 from contactsense.service.mock.arm.simulated_arm import simulate
 from contactsense.service.mock.servers import MockServers, MockSettings
-from contactsense.service.recordings.recorder import Recorder
-from contactsense.service.recordings.segment_writer import Rotation, SegmentWriter
+from contactsense.service.recordings.writing.recorder import Recorder
+from contactsense.service.recordings.writing.segment_writer import Rotation, SegmentWriter
 from contactsense.service.sensors.live_source import LiveSource
 
 _RATE = 500.0

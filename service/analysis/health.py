@@ -5,7 +5,7 @@ import numpy as np
 from contactsense.sensors.timing import LONGEST_FIRST_STEP
 from contactsense.service.analysis.analysis import Analysis
 from contactsense.service.analysis.present_sensors import in_scene
-from contactsense.service.recordings.column_mapping import SHORTEST_STEP, unit_hint
+from contactsense.service.recordings.signals.column_mapping import SHORTEST_STEP, unit_hint
 from contactsense.service.recordings.time_extent import UNORDERED_ADVICE
 
 TOO_LARGE = 1.3

@@ -7,7 +7,7 @@ from functools import partial
 from contactsense.scene import Scene
 from contactsense.service.api.settings import Settings, SettingsError
 from contactsense.service.live.listener import Listener
-from contactsense.service.recordings.clip_listener import ClipListener
+from contactsense.service.recordings.writing.clip_listener import ClipListener
 
 
 def check_folder(settings: Settings) -> None:

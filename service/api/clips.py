@@ -10,8 +10,8 @@ from pydantic import BaseModel, Field
 
 from contactsense.service.api.http.errors import FieldRefusedError
 from contactsense.service.api.request_body import RequestBody
-from contactsense.service.recordings.clip_files import clip_names, read_clip_file
-from contactsense.service.recordings.clip_listener import RecordingSettings
+from contactsense.service.recordings.clips.clip_files import clip_names, read_clip_file
+from contactsense.service.recordings.writing.clip_listener import RecordingSettings
 
 log = logging.getLogger("contactsense")
 _MOST = 1000

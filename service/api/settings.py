@@ -26,7 +26,7 @@ from contactsense.service.controllers.settings import ControllerSettings
 from contactsense.service.events.journal import JournalSettings
 from contactsense.service.logs import Format, Level
 from contactsense.service.reactions.state import ReactionSettings
-from contactsense.service.recordings.clip_listener import RecordingSettings
+from contactsense.service.recordings.writing.clip_listener import RecordingSettings
 from contactsense.service.sensors import netft_client as netft
 from contactsense.service.sensors import rtde_client as rtde
 from contactsense.service.sensors.network_wrench import WrenchSource
@@ -172,7 +172,7 @@ class Settings(BaseModel):
     reactions: Annotated[ReactionSettings, BeforeValidator(from_json)] = ReactionSettings()
     """Where the rules of reactions are. As JSON in an environment variable."""
     recording: Annotated[RecordingSettings, BeforeValidator(from_json)] = RecordingSettings()
-    """Clips and recordings, see `contactsense.service.recordings.clip_listener`."""
+    """Clips and recordings, see `contactsense.service.recordings.writing.clip_listener`."""
     controllers: Annotated[ControllerSettings, BeforeValidator(from_json)] = ControllerSettings()
     """Interfaces for controllers. As JSON in an environment variable."""
 

@@ -27,11 +27,11 @@ from contactsense.service.recordings import (
     RecordingFile,
     scene_in,
 )
-from contactsense.service.recordings.bag_files import is_bag
 from contactsense.service.recordings.export import export
 from contactsense.service.recordings.file_names import check_name
-from contactsense.service.recordings.parquet_files import write_parquet
-from contactsense.service.recordings.table import reason
+from contactsense.service.recordings.ros.bag_files import is_bag
+from contactsense.service.recordings.tables.parquet_files import write_parquet
+from contactsense.service.recordings.tables.table import reason
 
 _WIDEST = 500
 """Width beyond which no table grows [characters]."""

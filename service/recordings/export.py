@@ -18,16 +18,16 @@ from contactsense.sensors.link_values import as_fields, column_of
 from contactsense.service.recordings.file_format import format_of
 from contactsense.service.recordings.file_names import check_name
 from contactsense.service.recordings.metadata import metadata
-from contactsense.service.recordings.parquet_files import write_parquet
 from contactsense.service.recordings.problems import RecordingError
 from contactsense.service.recordings.recording import Recording
-from contactsense.service.recordings.ros_messages import (
+from contactsense.service.recordings.ros.ros_messages import (
     definitions,
     joint_state,
     scene_update,
     wrench_stamped,
 )
-from contactsense.service.recordings.table import reason
+from contactsense.service.recordings.tables.parquet_files import write_parquet
+from contactsense.service.recordings.tables.table import reason
 from contactsense.types import Contact
 
 

@@ -10,9 +10,9 @@ from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
 from contactsense.scene_model.sensor_delays import without_delays
 from contactsense.scene_model.wrench_map import WrenchMap
 from contactsense.sensors.timing import LONGEST_GAP
-from contactsense.service.recordings.column_mapping import ColumnMapping, unit_hint
 from contactsense.service.recordings.problems import Problem, RecordingError
 from contactsense.service.recordings.recording_file import RecordingFile
+from contactsense.service.recordings.signals.column_mapping import ColumnMapping, unit_hint
 from contactsense.service.recordings.time_extent import UNORDERED, UNORDERED_ADVICE
 
 _SHORTEST = 3

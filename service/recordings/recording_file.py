@@ -8,18 +8,18 @@ import numpy as np
 
 from contactsense.scene import Scene, check_scene
 from contactsense.sensors.link_values import as_fields
-from contactsense.service.recordings.bag_files import BagFile, is_bag
-from contactsense.service.recordings.cleaning import RowChecker
-from contactsense.service.recordings.column_mapping import ColumnMapping
 from contactsense.service.recordings.file_names import check_name, check_there
-from contactsense.service.recordings.held_values import HeldValues
 from contactsense.service.recordings.problems import RecordingError
 from contactsense.service.recordings.recording import BLOCK, Recording, concatenate
-from contactsense.service.recordings.sensor_delays import DelayedReadings
-from contactsense.service.recordings.signal_columns import SignalColumns
-from contactsense.service.recordings.table import Columns, TableFile, chosen_rows
-from contactsense.service.recordings.table_files import open_table
-from contactsense.service.recordings.velocity_agreement import VelocityAgreement
+from contactsense.service.recordings.ros.bag_files import BagFile, is_bag
+from contactsense.service.recordings.signals.cleaning import RowChecker
+from contactsense.service.recordings.signals.column_mapping import ColumnMapping
+from contactsense.service.recordings.signals.held_values import HeldValues
+from contactsense.service.recordings.signals.sensor_delays import DelayedReadings
+from contactsense.service.recordings.signals.signal_columns import SignalColumns
+from contactsense.service.recordings.signals.velocity_agreement import VelocityAgreement
+from contactsense.service.recordings.tables.table import Columns, TableFile, chosen_rows
+from contactsense.service.recordings.tables.table_files import open_table
 from contactsense.service.sensors.signal_mapping import TorqueMap
 
 

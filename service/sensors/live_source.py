@@ -48,7 +48,7 @@ _NO_READING = WrenchReading(None, None, math.inf)
 
 
 class RawObserver(Protocol):
-    """Receives what the sensors deliver, such as `contactsense.service.recordings.recorder`."""
+    """Receives what the sensors deliver, such as `contactsense.service.recordings.writing.recorder`."""
 
     def robot(
         self,

@@ -24,7 +24,7 @@ NAMED = {
     "websockets": ("service/api/http/connections.py", r"websockets_sansio_impl import"),
     "dask": ("service/analysis/fleet/worker_pool.py", r"from distributed import"),
     "mpmath": ("benchmarks/solvers/reference.py", r'import_module\("mpmath"\)'),
-    "pycollada": ("robots/library.py", r'"\.dae"'),
+    "pycollada": ("robots/files/suffixes.py", r'"\.dae"'),
     "rtree": ("benchmarks/accuracy/geometry.py", r"trimesh\.proximity\.closest_point"),
     "fast-simplification": ("service/drawing/visual_meshes.py", r"\.simplify_quadric_decimation"),
     "networkx": ("tests/robots/urdf/test_read_urdf.py", r"\.split\(only_watertight"),

@@ -25,9 +25,9 @@ from contactsense.service.analysis.health import unusable_steps
 from contactsense.service.analysis.present_sensors import absent_sensors, without_sensors
 from contactsense.service.analysis.residual_statistics import ResidualStatistics
 from contactsense.service.recordings import RecordingError, RecordingFile
-from contactsense.service.recordings.cleaning import GAP_STEPS
 from contactsense.service.recordings.metadata import carried_scene
-from contactsense.service.recordings.parquet_files import write_parquet
+from contactsense.service.recordings.signals.cleaning import GAP_STEPS
+from contactsense.service.recordings.tables.parquet_files import write_parquet
 
 HELD = 12
 """Whether a contact is active where reading starts shows in one part of so many of the time before the

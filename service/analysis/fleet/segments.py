@@ -18,11 +18,11 @@ import pyarrow.parquet as pa_parquet
 
 from contactsense.sensors.timing import LONGEST_FIRST_STEP
 from contactsense.service.recordings import RecordingError, date_in
+from contactsense.service.recordings.clips.repeated_clips import without_repeated_clips
 from contactsense.service.recordings.file_format import format_of
 from contactsense.service.recordings.file_names import check_name
-from contactsense.service.recordings.parquet_tables import RAW_READINGS
-from contactsense.service.recordings.repeated_clips import without_repeated_clips
-from contactsense.service.recordings.table import floats
+from contactsense.service.recordings.tables.parquet_tables import RAW_READINGS
+from contactsense.service.recordings.tables.table import floats
 
 SEGMENT_TIME = 600.0
 """Length of a segment [s]."""

@@ -19,7 +19,7 @@ from contactsense.service.analysis.fleet.segment_problems import RecordingProble
 from contactsense.service.analysis.fleet.segment_task import FRICTION, SegmentTask, part_path, without_nan
 from contactsense.service.analysis.health import TOO_LARGE
 from contactsense.service.recordings.metadata import plain
-from contactsense.service.recordings.parquet_files import write_parquet
+from contactsense.service.recordings.tables.parquet_files import write_parquet
 
 
 @dataclass

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from contactsense.robots.surface import primitives
+from contactsense.robots import primitives
 from contactsense.robots.surface.convex_primitives import body, project
 from contactsense.solvers import (
     Box,

@@ -18,9 +18,10 @@ from contactsense.service.cli.record import record
 from contactsense.service.mock.arm.script import Script
 from contactsense.service.mock.arm.simulated_arm import simulate
 from contactsense.service.mock.servers import MockServers, MockSettings
-from contactsense.service.recordings import clip_listener, read, sample_rows
-from contactsense.service.recordings.clip_listener import ClipListener, RecordingSettings
-from contactsense.service.recordings.sample_rows import Ring
+from contactsense.service.recordings import read
+from contactsense.service.recordings.writing import clip_listener, sample_rows
+from contactsense.service.recordings.writing.clip_listener import ClipListener, RecordingSettings
+from contactsense.service.recordings.writing.sample_rows import Ring
 from tests.service import http
 from tests.service.loopback import own_address, until
 from tests.service.recordings.samples import SCENE, estimate, sample

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from contactsense.service.recordings import clip_listener, read
-from contactsense.service.recordings.clip_listener import ClipListener, RecordingSettings
+from contactsense.service.recordings import read
+from contactsense.service.recordings.writing import clip_listener
+from contactsense.service.recordings.writing.clip_listener import ClipListener, RecordingSettings
 from tests.service.loopback import until
 from tests.service.recordings.samples import SCENE, estimate, sample
 

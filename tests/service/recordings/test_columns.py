@@ -18,8 +18,8 @@ from contactsense.service.recordings import (
     RecordingError,
     read,
 )
-from contactsense.service.recordings.column_mapping import expand, unit_hint
-from tests.service.recordings.tables import (
+from contactsense.service.recordings.signals.column_mapping import expand, unit_hint
+from tests.service.recordings.recorded_tables import (
     SCENE,
     TORQUES,
     N,

@@ -9,7 +9,7 @@ import pytest
 from contactsense import Contact, Scene, WrenchSensor
 from contactsense.service.recordings import Recording, RecordingError, read
 from contactsense.service.recordings.export import export
-from contactsense.service.recordings.ros_messages import METRES_PER_NEWTON, scene_update
+from contactsense.service.recordings.ros.ros_messages import METRES_PER_NEWTON, scene_update
 
 N = 40
 SCENE = Scene(robot="ur5e")

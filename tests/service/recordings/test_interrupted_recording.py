@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from contactsense.service.api.clips import Clips
-from contactsense.service.recordings.clip_listener import ClipListener, RecordingSettings
-from contactsense.service.recordings.segment_writer import SegmentWriter
+from contactsense.service.recordings.writing.clip_listener import ClipListener, RecordingSettings
+from contactsense.service.recordings.writing.segment_writer import SegmentWriter
 from tests.service.loopback import until
 from tests.service.recordings.samples import SCENE, estimate, sample
 

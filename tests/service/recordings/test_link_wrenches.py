@@ -11,8 +11,8 @@ from contactsense.robots.link_poses import link_poses
 from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
 from contactsense.service.recordings import ColumnMapping, RecordingError, RecordingFile, read
 from contactsense.service.recordings.export import export, write_columns
-from contactsense.service.recordings.recorder import Recorder
-from contactsense.service.recordings.sample_rows import SampleRows
+from contactsense.service.recordings.writing.recorder import Recorder
+from contactsense.service.recordings.writing.sample_rows import SampleRows
 from contactsense.service.sensors.robot_stream import RobotRecord
 from contactsense.types import Estimate
 

@@ -9,10 +9,10 @@ import pytest
 from contactsense import JointTorqueSensor, Sample, Scene
 from contactsense.service.recordings import read
 from contactsense.service.recordings.metadata import metadata
-from contactsense.service.recordings.recorder import Recorder
-from contactsense.service.recordings.segment_writer import SegmentWriter
+from contactsense.service.recordings.writing.recorder import Recorder
+from contactsense.service.recordings.writing.segment_writer import SegmentWriter
 from contactsense.service.sensors.robot_stream import RobotRecord
-from tests.service.recordings.tables import TORQUES, as_parquet, columns, table
+from tests.service.recordings.recorded_tables import TORQUES, as_parquet, columns, table
 
 N = 20
 CONSTANTS = np.array([10.0, 10.7, 8.46, 9.0, 9.48, 10.12])

@@ -18,9 +18,9 @@ from contactsense.service.recordings import (
     RecordingFile,
     read,
 )
-from contactsense.service.recordings.cleaning import RowChecker
 from contactsense.service.recordings.metadata import metadata
-from tests.service.recordings.tables import (
+from contactsense.service.recordings.signals.cleaning import RowChecker
+from tests.service.recordings.recorded_tables import (
     SCENE,
     TORQUES,
     N,

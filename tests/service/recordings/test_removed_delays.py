@@ -11,8 +11,8 @@ from contactsense import Scene
 from contactsense.scene import LinkWrenchSensor, WrenchSensor
 from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
 from contactsense.service.recordings import RecordingError, read
-from contactsense.service.recordings.clip_listener import ClipListener, RecordingSettings
 from contactsense.service.recordings.free_motion import read_free_motion
+from contactsense.service.recordings.writing.clip_listener import ClipListener, RecordingSettings
 from tests.service.recordings.samples import SCENE, estimate, sample
 
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from contactsense.service.live.scheduling import RECORDER, prioritize
-from contactsense.service.recordings.clip_listener import ClipListener, RecordingSettings
-from contactsense.service.recordings.segment_writer import SegmentWriter
+from contactsense.service.recordings.writing.clip_listener import ClipListener, RecordingSettings
+from contactsense.service.recordings.writing.segment_writer import SegmentWriter
 from tests.service.live.test_scheduling import in_a_thread, permitted
 from tests.service.loopback import until
 from tests.service.recordings.samples import SCENE

@@ -7,8 +7,8 @@ import pytest
 
 from contactsense import Scene, WrenchSensor
 from contactsense.service.recordings import read
-from contactsense.service.recordings.reading_times import readings_at
-from tests.service.recordings.tables import as_parquet, columns, table
+from contactsense.service.recordings.signals.reading_times import readings_at
+from tests.service.recordings.recorded_tables import as_parquet, columns, table
 
 T = 0.002 * np.arange(500)
 

@@ -15,7 +15,7 @@ from contactsense.scene import Scene
 from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
 from contactsense.sensors.link_values import by_field, column_of
 from contactsense.service.recordings.metadata import RAW, metadata
-from contactsense.service.recordings.segment_writer import Rotation, SegmentWriter
+from contactsense.service.recordings.writing.segment_writer import Rotation, SegmentWriter
 from contactsense.service.sensors.netft_client import WrenchRecord
 from contactsense.service.sensors.robot_stream import RobotRecord
 from contactsense.types import Sample

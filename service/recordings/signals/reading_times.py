@@ -7,7 +7,7 @@ rows, each reading is used once, since interpolated copies of its noise look lik
 
 import numpy as np
 
-from contactsense.service.recordings.cleaning import GAP_STEPS
+from contactsense.service.recordings.signals.cleaning import GAP_STEPS
 
 SLOWER = 1.2
 """A sensor whose readings are this many steps of the rows apart is slower than the rows; below that, clocks

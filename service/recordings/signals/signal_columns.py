@@ -5,7 +5,6 @@ from typing import NamedTuple
 from contactsense.scene import Scene
 from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
 from contactsense.scene_model.wrench_map import WrenchMap
-from contactsense.service.recordings.column_mapping import ColumnMapping, expand
 from contactsense.service.recordings.metadata import (
     is_raw,
     other_arm,
@@ -13,7 +12,8 @@ from contactsense.service.recordings.metadata import (
     removed_delays_of_meta,
 )
 from contactsense.service.recordings.problems import Problem, RecordingError
-from contactsense.service.recordings.table import TableFile
+from contactsense.service.recordings.signals.column_mapping import ColumnMapping, expand
+from contactsense.service.recordings.tables.table import TableFile
 from contactsense.service.sensors.robot_stream import SensorError
 from contactsense.service.sensors.signal_mapping import TorqueMap
 

@@ -7,8 +7,8 @@ import pytest
 
 from contactsense.service.recordings import RecordingFile
 from contactsense.service.recordings.problem_lines import problem_lines
-from contactsense.service.recordings.velocity_agreement import MOVEMENTS, VelocityAgreement
-from tests.service.recordings.tables import SCENE, as_parquet, columns
+from contactsense.service.recordings.signals.velocity_agreement import MOVEMENTS, VelocityAgreement
+from tests.service.recordings.recorded_tables import SCENE, as_parquet, columns
 
 JOINTS = [joint.name for joint in SCENE.robot.joints]
 

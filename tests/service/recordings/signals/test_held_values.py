@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from contactsense.service.recordings.held_values import MOVING, ROWS, SHARE, HeldValues
+from contactsense.service.recordings.signals.held_values import MOVING, ROWS, SHARE, HeldValues
 
 
 def held(rows: int, repeat: int, speed: float) -> bool:

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from contactsense.sensors.link_values import as_fields
-from contactsense.service.recordings.reading_times import is_slower, readings_at
 from contactsense.service.recordings.recording import Recording, concatenate
-from contactsense.service.recordings.signal_columns import LinkColumns
+from contactsense.service.recordings.signals.reading_times import is_slower, readings_at
+from contactsense.service.recordings.signals.signal_columns import LinkColumns
 
 SLOWEST = 0.15
 """Longest time between two readings of a slow sensor whose delay is taken off without loss [s]."""

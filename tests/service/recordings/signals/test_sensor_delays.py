@@ -9,7 +9,7 @@ import pytest
 
 from contactsense import Scene, WrenchSensor
 from contactsense.service.recordings import RecordingFile, read
-from tests.service.recordings.tables import N, as_parquet, columns, table
+from tests.service.recordings.recorded_tables import N, as_parquet, columns, table
 
 
 def test_the_delay_of_the_base_sensor_is_taken_off(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ import pytest
 from contactsense import Scene
 from contactsense.service.recordings import RecordingError, read
 from contactsense.service.recordings.problem_lines import problem_lines
-from tests.service.recordings.tables import SCENE, N, as_csv, columns, table, text
+from tests.service.recordings.recorded_tables import SCENE, N, as_csv, columns, table, text
 
 
 def test_the_mark_with_which_spreadsheets_begin_a_file_is_no_part_of_a_name(tmp_path: Path) -> None:

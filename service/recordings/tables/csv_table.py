@@ -16,7 +16,7 @@ import pyarrow.compute as pc
 import pyarrow.csv as pa_csv
 
 from contactsense.service.recordings.problems import Problem, RecordingError
-from contactsense.service.recordings.table import Columns, check_twice, chosen_rows, floats, reason
+from contactsense.service.recordings.tables.table import Columns, check_twice, chosen_rows, floats, reason
 
 _HEAD = 65536
 """Maximum length of the header line of a CSV file [bytes]."""

@@ -7,6 +7,7 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pa_parquet
 
+from contactsense.service.recordings.clips.repeated_clips import without_repeated_clips
 from contactsense.service.recordings.file_format import format_of
 from contactsense.service.recordings.metadata import (
     CONFLICT,
@@ -15,8 +16,7 @@ from contactsense.service.recordings.metadata import (
     removed_delays_of_meta,
 )
 from contactsense.service.recordings.problems import Problem, RecordingError
-from contactsense.service.recordings.repeated_clips import without_repeated_clips
-from contactsense.service.recordings.table import (
+from contactsense.service.recordings.tables.table import (
     Columns,
     check_twice,
     floats,

@@ -14,13 +14,13 @@ import numpy as np
 from contactsense.robots.extras import install_command
 from contactsense.scene import Scene
 from contactsense.sensors.link_values import column_of
-from contactsense.service.recordings.column_mapping import ColumnMapping
-from contactsense.service.recordings.cut_bags import STORAGE, raw_messages, storage_files
 from contactsense.service.recordings.file_format import format_of
-from contactsense.service.recordings.joint_order import joint_order
 from contactsense.service.recordings.problems import Problem, RecordingError
-from contactsense.service.recordings.reading_times import readings_at
-from contactsense.service.recordings.table import Columns
+from contactsense.service.recordings.ros.cut_bags import STORAGE, raw_messages, storage_files
+from contactsense.service.recordings.ros.joint_order import joint_order
+from contactsense.service.recordings.signals.column_mapping import ColumnMapping
+from contactsense.service.recordings.signals.reading_times import readings_at
+from contactsense.service.recordings.tables.table import Columns
 
 _JOINT_STATE = "JointState"
 

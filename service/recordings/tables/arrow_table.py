@@ -7,7 +7,7 @@ from typing import Any
 import pyarrow as pa
 
 from contactsense.service.recordings.problems import Problem
-from contactsense.service.recordings.table import Columns, floats, not_numeric, numeric, text_metadata
+from contactsense.service.recordings.tables.table import Columns, floats, not_numeric, numeric, text_metadata
 
 _ARROW = b"ARROW1"
 """The first bytes of an Arrow IPC file; a stream does not have them."""

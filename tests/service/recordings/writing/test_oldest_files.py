@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from contactsense.service.recordings.oldest_files import OldestFiles
+from contactsense.service.recordings.writing.oldest_files import OldestFiles
 
 
 def written(folder: Path, stamp: str) -> Path:

@@ -19,12 +19,12 @@ from pydantic import BaseModel, ConfigDict, PositiveFloat
 
 from contactsense.scene import Scene
 from contactsense.service.live.scheduling import deprioritize
-from contactsense.service.recordings.clip_files import CLIP, CONTINUOUS, remove_unfinished
+from contactsense.service.recordings.clips.clip_files import CLIP, CONTINUOUS, remove_unfinished
 from contactsense.service.recordings.metadata import metadata, removed_delays
-from contactsense.service.recordings.oldest_files import OldestFiles
-from contactsense.service.recordings.parquet_files import write_parquet
-from contactsense.service.recordings.sample_rows import Ring, SampleRows
-from contactsense.service.recordings.segment_writer import Rotation, SegmentWriter
+from contactsense.service.recordings.tables.parquet_files import write_parquet
+from contactsense.service.recordings.writing.oldest_files import OldestFiles
+from contactsense.service.recordings.writing.sample_rows import Ring, SampleRows
+from contactsense.service.recordings.writing.segment_writer import Rotation, SegmentWriter
 from contactsense.types import Estimate, Sample
 
 _CHUNK = 250

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pyarrow as pa
 
-from contactsense.service.recordings.arrow_table import ArrowTable
-from contactsense.service.recordings.csv_table import CsvTable
 from contactsense.service.recordings.file_format import format_of
 from contactsense.service.recordings.file_names import check_name
-from contactsense.service.recordings.parquet_tables import ParquetFolder, ParquetTable
 from contactsense.service.recordings.problems import RecordingError
-from contactsense.service.recordings.table import TableFile, reason
+from contactsense.service.recordings.tables.arrow_table import ArrowTable
+from contactsense.service.recordings.tables.csv_table import CsvTable
+from contactsense.service.recordings.tables.parquet_tables import ParquetFolder, ParquetTable
+from contactsense.service.recordings.tables.table import TableFile, reason
 
 
 def open_table(path: Path) -> TableFile:

@@ -15,10 +15,11 @@ import pyarrow.parquet as pa_parquet
 import pytest
 
 from contactsense import Scene
-from contactsense.service.recordings import date_in, segment_writer
+from contactsense.service.recordings import date_in
 from contactsense.service.recordings.metadata import metadata
 from contactsense.service.recordings.problems import RecordingError
-from contactsense.service.recordings.segment_writer import Rotation, SegmentWriter, repair, to_parquet
+from contactsense.service.recordings.writing import segment_writer
+from contactsense.service.recordings.writing.segment_writer import Rotation, SegmentWriter, repair, to_parquet
 
 NAMES = ("timestamp", "value")
 
@@ -95,7 +96,7 @@ def test_rows_wait_and_segments_grow_no_longer_than_stated(
 WRITER = """
 import sys, time
 from pathlib import Path
-from contactsense.service.recordings.segment_writer import SegmentWriter
+from contactsense.service.recordings.writing.segment_writer import SegmentWriter
 writer = SegmentWriter(Path(sys.argv[1]), "a", ("timestamp", "value"), {})
 begin = time.monotonic()
 while True:

@@ -26,9 +26,9 @@ import pyarrow.parquet as pa_parquet
 from contactsense.robots.files.file_lock import AVAILABLE, lock
 from contactsense.service.live.scheduling import deprioritize
 from contactsense.service.recordings.metadata import creation
-from contactsense.service.recordings.oldest_files import OldestFiles
 from contactsense.service.recordings.problems import RecordingError
-from contactsense.service.recordings.table import reason
+from contactsense.service.recordings.tables.table import reason
+from contactsense.service.recordings.writing.oldest_files import OldestFiles
 
 OPEN, DONE, PARTIAL = ".arrows", ".parquet", ".parquet.part"
 ROW_GROUP_SECONDS = 60.0

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from contactsense.service.analysis.fleet.segments import find_recordings
+from contactsense.service.recordings.clips.repeated_clips import without_repeated_clips
 from contactsense.service.recordings.export import write_columns
-from contactsense.service.recordings.parquet_tables import ParquetFolder
-from contactsense.service.recordings.repeated_clips import without_repeated_clips
+from contactsense.service.recordings.tables.parquet_tables import ParquetFolder
 
 
 def _table(path: Path, first: float, last: float) -> Path:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pa_parquet
 
-from contactsense.service.recordings.clip_files import CLIP, CONTINUOUS
+from contactsense.service.recordings.clips.clip_files import CLIP, CONTINUOUS
 
 _TIME = "host_time"
 _JOINED = 0.5
