@@ -30,11 +30,11 @@ from contactsense.benchmarks.truth_arms import files_of
 from contactsense.runtime.result_rows import LINK, POINT_BASE
 from contactsense.scene import Scene
 from contactsense.scene_model.constants import build_constants
-from contactsense.service.analysis.contact_history import ContactCollector, ContactHistory
-from contactsense.service.analysis.contact_windows import contact_windows
-from contactsense.service.analysis.smoothed_contact import SmoothedContact
-from contactsense.service.analysis.smoothing import ContactSmoother
-from contactsense.service.analysis.summarize import Summarizer
+from contactsense.service.analysis.samples.contact_history import ContactCollector, ContactHistory
+from contactsense.service.analysis.samples.contact_windows import contact_windows
+from contactsense.service.analysis.smoothing.contact_smoothing import ContactSmoother
+from contactsense.service.analysis.smoothing.smoothed_contact import SmoothedContact
+from contactsense.service.analysis.summary.summarize import Summarizer
 
 KINDS = ("hold", "slide", "impact", "press", "two at a time", "all")
 """Kinds of contacts; "all" excludes runs with two simultaneous contacts, for which the live answer is

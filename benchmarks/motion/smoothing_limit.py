@@ -22,9 +22,9 @@ from contactsense.benchmarks.motion.streams import Stream
 from contactsense.robots.rotations import cross_matrix
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.surface.union import distances
-from contactsense.service.analysis.contact_history import ContactHistory
-from contactsense.service.analysis.place_search import LinkMeasurement
-from contactsense.service.analysis.summarize import Summarizer
+from contactsense.service.analysis.samples.contact_history import ContactHistory
+from contactsense.service.analysis.smoothing.place_search import LinkMeasurement
+from contactsense.service.analysis.summary.summarize import Summarizer
 from contactsense.solvers.posterior.contact_prior import Prior
 
 

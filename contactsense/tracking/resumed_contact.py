@@ -8,8 +8,8 @@ measurement, the Bayes factor of "the same link as before" against "any link" is
 
     sum P(l) L(l) / sum p(l) L(l).
 
-With even prior odds, as in `contactsense.service.analysis.link_changes`, the contact is the same where it is
-at least 1. What no link explains is as likely either way.
+With even prior odds, as in `contactsense.service.analysis.smoothing.link_changes`, the contact is the same
+where it is at least 1. What no link explains is as likely either way.
 """
 
 import numpy as np

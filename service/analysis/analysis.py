@@ -12,22 +12,22 @@ import pyarrow as pa
 from contactsense import BlockEstimates, Localizer, SampleBlock
 from contactsense.runtime.block_runner import MAX_BLOCK
 from contactsense.scene import Scene, check_scene
-from contactsense.service.analysis.contact_history import SENSED, ContactCollector, ContactHistory
-from contactsense.service.analysis.contact_summary import ContactSummary
 from contactsense.service.analysis.contact_table import contact_table
 from contactsense.service.analysis.followed_rows import FollowedRows
-from contactsense.service.analysis.force_limits import ForceLimits
-from contactsense.service.analysis.friction_residuals import FrictionResiduals
 from contactsense.service.analysis.present_sensors import (
     absent_sensors,
     in_scene,
     silent_sensors,
     without_sensors,
 )
-from contactsense.service.analysis.residual_statistics import ResidualStatistics, ResidualSummary
+from contactsense.service.analysis.residuals.friction_residuals import FrictionResiduals
+from contactsense.service.analysis.residuals.residual_statistics import ResidualStatistics, ResidualSummary
 from contactsense.service.analysis.sample_table import sample_table
-from contactsense.service.analysis.smoothing import ContactSmoother
-from contactsense.service.analysis.summarize import Summarizer
+from contactsense.service.analysis.samples.contact_history import SENSED, ContactCollector, ContactHistory
+from contactsense.service.analysis.smoothing.contact_smoothing import ContactSmoother
+from contactsense.service.analysis.summary.contact_summary import ContactSummary
+from contactsense.service.analysis.summary.force_limits import ForceLimits
+from contactsense.service.analysis.summary.summarize import Summarizer
 from contactsense.service.recordings import Recording, RecordingError
 from contactsense.service.recordings.problem_lines import problem_lines
 from contactsense.service.recordings.problems import Problem

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from contactsense.service.analysis.analysis import Analysis
-from contactsense.service.analysis.contact_summary import ContactSummary
-from contactsense.service.analysis.summarize import Summarizer
+from contactsense.service.analysis.summary.contact_summary import ContactSummary
+from contactsense.service.analysis.summary.summarize import Summarizer
 from contactsense.service.recordings import Recording
 from contactsense.types import Contact
 

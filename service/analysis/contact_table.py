@@ -10,7 +10,7 @@ import pyarrow.csv as pa_csv
 
 from contactsense.robots.files.whole_file import whole_file
 from contactsense.service.analysis.contact_columns import AXES, PAIRS, contact_schema
-from contactsense.service.analysis.contact_summary import ContactSummary
+from contactsense.service.analysis.summary.contact_summary import ContactSummary
 from contactsense.service.recordings.tables.parquet_files import write_parquet
 
 SCHEMA = contact_schema()

@@ -15,12 +15,12 @@ from contactsense.robots.files.whole_file import write_text
 from contactsense.scene import Scene
 from contactsense.service.analysis.analysis import Analysis
 from contactsense.service.analysis.assumptions import assumptions
-from contactsense.service.analysis.contact_summary import ContactSummary, millimetres
-from contactsense.service.analysis.force_limits import DISCLAIMER
 from contactsense.service.analysis.health import UNJUDGED, health, warning
-from contactsense.service.analysis.other_links import other_links
-from contactsense.service.analysis.summarize import Summarizer
-from contactsense.service.analysis.undetermined_forces import doubted_forces
+from contactsense.service.analysis.summary.contact_summary import ContactSummary, millimetres
+from contactsense.service.analysis.summary.force_limits import DISCLAIMER
+from contactsense.service.analysis.summary.other_links import other_links
+from contactsense.service.analysis.summary.summarize import Summarizer
+from contactsense.service.analysis.summary.undetermined_forces import doubted_forces
 from contactsense.service.drawing.arm_scene import arm_geometry, arm_view, contact_view, view_script
 from contactsense.service.drawing.contact_shapes import ARROW_MEANING
 from contactsense.service.drawing.palette import CONTACT, NOWHERE, link_colour

@@ -6,7 +6,7 @@ import pyarrow as pa
 from contactsense import BlockEstimates
 from contactsense.runtime.result_rows import FORCE, LINK, POINT, POINT_BASE, PROBABILITY, TORSION
 from contactsense.scene import Scene
-from contactsense.service.analysis.contact_history import SENSED
+from contactsense.service.analysis.samples.contact_history import SENSED
 
 
 def sample_table(rows: np.ndarray, found: BlockEstimates, scene: Scene) -> pa.Table:

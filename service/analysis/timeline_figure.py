@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from contactsense.robots.extras import install_command
-from contactsense.service.analysis.contact_summary import ContactSummary
-from contactsense.service.analysis.residual_statistics import ResidualSummary
+from contactsense.service.analysis.residuals.residual_statistics import ResidualSummary
+from contactsense.service.analysis.summary.contact_summary import ContactSummary
 from contactsense.service.drawing.figure_style import figure_style
 from contactsense.service.drawing.palette import NOWHERE, link_colour
 

@@ -14,12 +14,12 @@ from contactsense.scene import Scene, SceneError
 from contactsense.service.analysis import Analysis, ForceLimits, LimitsError
 from contactsense.service.analysis import analyze as run
 from contactsense.service.analysis.contact_arrows import contact_arrows
-from contactsense.service.analysis.contact_summary import millimetres
 from contactsense.service.analysis.contact_table import contact_rows, from_folder, write_contacts
-from contactsense.service.analysis.force_limits import DISCLAIMER
 from contactsense.service.analysis.health import UNJUDGED, health, warning
 from contactsense.service.analysis.report import write_report
-from contactsense.service.analysis.undetermined_forces import doubted_forces
+from contactsense.service.analysis.summary.contact_summary import millimetres
+from contactsense.service.analysis.summary.force_limits import DISCLAIMER
+from contactsense.service.analysis.summary.undetermined_forces import doubted_forces
 from contactsense.service.recordings import (
     ColumnMapping,
     MappingError,

@@ -10,7 +10,7 @@ import viser
 
 from contactsense.scene import Scene
 from contactsense.service.analysis.contact_table import SCHEMA
-from contactsense.service.analysis.other_links import other_links
+from contactsense.service.analysis.summary.other_links import other_links
 from contactsense.service.recordings import RecordingError, scene_in
 from contactsense.service.viewer.controls import set_value
 from contactsense.service.viewer.frame import TRACKS, Forces, Frame

@@ -8,7 +8,7 @@ import pyarrow as pa
 
 from contactsense.scene import Scene
 from contactsense.service.analysis.fleet.summary import FleetSummary, RobotSummary
-from contactsense.service.analysis.summarize import Summarizer
+from contactsense.service.analysis.summary.summarize import Summarizer
 from contactsense.service.drawing.arm_scene import arm_geometry, arm_view
 from contactsense.service.drawing.palette import heat_colours
 from contactsense.service.drawing.posture import usual_posture

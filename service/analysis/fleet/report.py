@@ -18,7 +18,7 @@ from contactsense.service.analysis.fleet.summary import FleetSummary, RobotSumma
 from contactsense.service.analysis.health import UNJUDGED
 from contactsense.service.analysis.present_sensors import without_sensors
 from contactsense.service.analysis.report import render
-from contactsense.service.analysis.undetermined_forces import silent_sensors, undetermined_forces
+from contactsense.service.analysis.summary.undetermined_forces import silent_sensors, undetermined_forces
 from contactsense.service.drawing.arm_scene import view_script
 from contactsense.service.drawing.drift_svg import drift_chart
 from contactsense.service.drawing.palette import link_colour

@@ -20,10 +20,10 @@ from contactsense.service.analysis.fleet.named_within import named_within
 from contactsense.service.analysis.fleet.segment_problems import own_problems
 from contactsense.service.analysis.fleet.segments import Segment
 from contactsense.service.analysis.followed_rows import FollowedRows
-from contactsense.service.analysis.friction_residuals import FrictionResiduals
 from contactsense.service.analysis.health import unusable_steps
 from contactsense.service.analysis.present_sensors import absent_sensors, without_sensors
-from contactsense.service.analysis.residual_statistics import ResidualStatistics
+from contactsense.service.analysis.residuals.friction_residuals import FrictionResiduals
+from contactsense.service.analysis.residuals.residual_statistics import ResidualStatistics
 from contactsense.service.recordings import RecordingError, RecordingFile
 from contactsense.service.recordings.metadata import carried_scene
 from contactsense.service.recordings.signals.cleaning import GAP_STEPS
@@ -33,7 +33,7 @@ HELD = 12
 """Whether a contact is active where reading starts shows in one part of so many of the time before the
 segment: in 5 s of `contactsense.service.analysis.fleet.segments.WARM_UP`."""
 FRICTION = ("coulomb", "viscous", "coulomb_std", "viscous_std")
-"""Fields of `contactsense.service.analysis.friction_residuals.FrictionChange`."""
+"""Fields of `contactsense.service.analysis.residuals.friction_residuals.FrictionChange`."""
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from contactsense.plausibility.stream_start import FROM_START
 from contactsense.service.analysis import Analysis, ForceLimits, LimitsError, analyze
 from contactsense.service.analysis.contact_table import SCHEMA, write_contacts
 from contactsense.service.analysis.health import health, warning
-from contactsense.service.analysis.summarize import Summarizer
+from contactsense.service.analysis.summary.summarize import Summarizer
 from contactsense.service.mock.arm.script import Script
 from contactsense.service.mock.arm.simulated_arm import simulate
 from contactsense.service.recordings import Recording, read

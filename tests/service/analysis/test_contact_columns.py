@@ -6,8 +6,8 @@ from pathlib import Path
 import pyarrow.parquet as pa_parquet
 
 from contactsense.service.analysis.contact_columns import COLUMNS, columns_in_markdown
-from contactsense.service.analysis.contact_summary import ContactSummary
 from contactsense.service.analysis.contact_table import SCHEMA, contact_table, write_contacts
+from contactsense.service.analysis.summary.contact_summary import ContactSummary
 
 
 def test_every_field_of_a_contact_but_the_curve_is_a_column() -> None:

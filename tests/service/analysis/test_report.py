@@ -15,13 +15,13 @@ from scipy.spatial.transform import Rotation
 from contactsense import Scene, WrenchSensor
 from contactsense.service.analysis import Analysis
 from contactsense.service.analysis import analyze as run_analysis
-from contactsense.service.analysis.contact_summary import millimetres
 from contactsense.service.analysis.contact_table import contact_table
 from contactsense.service.analysis.fleet.report import write_fleet_report
 from contactsense.service.analysis.fleet.summary import FleetSummary
 from contactsense.service.analysis.health import warning
 from contactsense.service.analysis.report import _code
-from contactsense.service.analysis.residual_statistics import ResidualSummary
+from contactsense.service.analysis.residuals.residual_statistics import ResidualSummary
+from contactsense.service.analysis.summary.contact_summary import millimetres
 from contactsense.service.cli.analyze import analyze
 from contactsense.service.recordings.metadata import metadata
 from tests.service.analysis.recordings import demo, write_motion

@@ -14,7 +14,7 @@ from contactsense import Scene, WrenchSensor
 from contactsense.sensors.settings import LinkWrenchSensor
 from contactsense.service.analysis import analyze as run_analysis
 from contactsense.service.analysis.health import health, warning
-from contactsense.service.analysis.undetermined_forces import undetermined_forces
+from contactsense.service.analysis.summary.undetermined_forces import undetermined_forces
 from contactsense.service.cli.analyze import analyze
 from tests.service.analysis.recordings import demo, write_motion
 

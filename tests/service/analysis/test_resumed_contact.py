@@ -12,7 +12,7 @@ from contactsense.runtime.result_rows import FORCE
 from contactsense.sample_blocks import BlockEstimates
 from contactsense.sensors.stream_state import SETTLING_PERIODS
 from contactsense.service.analysis import Analysis, analyze
-from contactsense.service.analysis.contact_history import ContactCollector, ContactHistory
+from contactsense.service.analysis.samples.contact_history import ContactCollector, ContactHistory
 from contactsense.service.recordings.export import write_columns
 from contactsense.tracking.contact_track import NONE
 from tests.contactsense.tracking.test_resumed_contact import KNOCK, REBOUND, Push, plain_scene, pushed_arm

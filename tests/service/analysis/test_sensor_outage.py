@@ -7,10 +7,10 @@ import pytest
 
 from contactsense import Localizer, SampleBlock
 from contactsense.service.analysis.analysis import analyze
-from contactsense.service.analysis.contact_history import ContactCollector, ContactHistory
 from contactsense.service.analysis.sample_table import sample_table
-from contactsense.service.analysis.smoothing import ContactSmoother
-from contactsense.service.analysis.summarize import Summarizer
+from contactsense.service.analysis.samples.contact_history import ContactCollector, ContactHistory
+from contactsense.service.analysis.smoothing.contact_smoothing import ContactSmoother
+from contactsense.service.analysis.summary.summarize import Summarizer
 from contactsense.service.recordings import Recording
 from contactsense.tracking.contact_track import NONE
 from tests.contactsense.tracking.test_resumed_contact import Push, plain_scene, pushed_arm

@@ -10,8 +10,8 @@ import pytest
 from click.testing import CliRunner
 
 from contactsense.scene import Scene
-from contactsense.service.analysis.contact_summary import ContactSummary
 from contactsense.service.analysis.contact_table import contact_table, write_contacts
+from contactsense.service.analysis.summary.contact_summary import ContactSummary
 from contactsense.service.cli.analyze import analyze
 from contactsense.service.cli.lazy import missing
 from contactsense.service.cli.view import view

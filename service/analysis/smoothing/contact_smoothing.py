@@ -12,18 +12,18 @@ from contactsense.residuals.momentum_observer import noise_variance_ratio
 from contactsense.runtime.result_rows import LINK, POINT_BASE
 from contactsense.scene import Scene
 from contactsense.scene_model.skin_grids import skin_of
-from contactsense.service.analysis.contact_history import ContactHistory
-from contactsense.service.analysis.contact_windows import ContactWindows, contact_windows
-from contactsense.service.analysis.curved_regions import curvature_covariance
-from contactsense.service.analysis.goodness_of_fit import is_good_fit
-from contactsense.service.analysis.link_windows import link_windows
-from contactsense.service.analysis.path_arrays import WindowSums
-from contactsense.service.analysis.place_accessibility import log_accessible_share
-from contactsense.service.analysis.place_forces import with_forces_at_place
-from contactsense.service.analysis.place_search import LinkMeasurement, Place, PlaceSearch
-from contactsense.service.analysis.skin_constraint import place_on_skin
-from contactsense.service.analysis.smoothed_contact import SmoothedContact, ranked
-from contactsense.service.analysis.torque_smoothing import TorqueSmoother
+from contactsense.service.analysis.samples.contact_history import ContactHistory
+from contactsense.service.analysis.samples.contact_windows import ContactWindows, contact_windows
+from contactsense.service.analysis.samples.link_windows import link_windows
+from contactsense.service.analysis.smoothing.curved_regions import curvature_covariance
+from contactsense.service.analysis.smoothing.goodness_of_fit import is_good_fit
+from contactsense.service.analysis.smoothing.path_arrays import WindowSums
+from contactsense.service.analysis.smoothing.place_accessibility import log_accessible_share
+from contactsense.service.analysis.smoothing.place_forces import with_forces_at_place
+from contactsense.service.analysis.smoothing.place_search import LinkMeasurement, Place, PlaceSearch
+from contactsense.service.analysis.smoothing.skin_constraint import place_on_skin
+from contactsense.service.analysis.smoothing.smoothed_contact import SmoothedContact, ranked
+from contactsense.service.analysis.smoothing.torque_smoothing import TorqueSmoother
 
 APART = 0.03
 """Minimum distance of starting points on one link [m]."""

@@ -15,8 +15,8 @@ from contactsense.localization.surface.simd_layout import LENGTH
 from contactsense.localization.surface_search.force_at_place import FIXED_SPREAD, forces_at_places
 from contactsense.runtime.result_rows import FORCE, LINK, TORSION
 from contactsense.scene_model.constants import Constants
-from contactsense.service.analysis.contact_history import ContactHistory
-from contactsense.service.analysis.smoothed_contact import SmoothedContact
+from contactsense.service.analysis.samples.contact_history import ContactHistory
+from contactsense.service.analysis.smoothing.smoothed_contact import SmoothedContact
 
 
 def with_forces_at_place(

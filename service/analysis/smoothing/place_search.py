@@ -2,9 +2,9 @@
 
 In each window the force f and the torsion xi are free; the path of the place (one knot: a fixed place), the
 offset h of the real surface at its knots and the biases b of the sensors are shared.
-`contactsense.service.analysis.path_elimination` eliminates force and torsion; Gauss-Newton runs on what is
-shared. The priors are those of `contactsense.solvers.posterior.contact_prior`; those of lean and torsion
-count once for the whole contact, as what a contact patch does in one window it does in the next.
+`contactsense.service.analysis.smoothing.path_elimination` eliminates force and torsion; Gauss-Newton runs on
+what is shared. The priors are those of `contactsense.solvers.posterior.contact_prior`; those of lean and
+torsion count once for the whole contact, as what a contact patch does in one window it does in the next.
 """
 
 import math
@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from contactsense.robots.surface.convex_primitives import Surfaces
-from contactsense.service.analysis.path_arrays import EliminationArrays, PathArrays, WindowSums
-from contactsense.service.analysis.path_elimination import eliminate_forces, project_knots
+from contactsense.service.analysis.smoothing.path_arrays import EliminationArrays, PathArrays, WindowSums
+from contactsense.service.analysis.smoothing.path_elimination import eliminate_forces, project_knots
 from contactsense.solvers.posterior.contact_prior import STUDENT_DOF, Prior
 
 ITERATIONS = 25

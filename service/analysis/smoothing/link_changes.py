@@ -4,7 +4,7 @@ Between two stretches the touched link may change; the new one is drawn from the
 Markov model, whose forward recursion sums over all moments and links of all changes. Two contacts overlapping
 in time show as changes of the link: from the first one to what explains both, and on to the one that remains.
 No change and any change have equal prior probability, as have a fixed and a moving place
-(`contactsense.service.analysis.smoothing`).
+(`contactsense.service.analysis.smoothing.contact_smoothing`).
 """
 
 import numpy as np

@@ -5,7 +5,7 @@ from itertools import pairwise, product
 import numpy as np
 import pytest
 
-from contactsense.service.analysis.link_changes import log_odds_of_one_link
+from contactsense.service.analysis.smoothing.link_changes import log_odds_of_one_link
 
 PRIOR = np.array([0.5, 0.3, 0.2])
 

@@ -6,7 +6,7 @@ import pyarrow as pa
 
 from contactsense.scene import Scene
 from contactsense.scene_model.link_sensors import mounts
-from contactsense.service.analysis.contact_summary import ContactSummary
+from contactsense.service.analysis.summary.contact_summary import ContactSummary
 
 TOLD = 0.1
 """Share of a contact from which on a silent sensor is told: single readings are often lost."""

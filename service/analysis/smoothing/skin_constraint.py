@@ -13,7 +13,7 @@ import numpy as np
 from contactsense.robots.surface.signed_distance_grid import Grids, intersect_skin
 from contactsense.robots.vectors import vector
 from contactsense.runtime.candidate_rows import SKIN_STEPS, SKIN_TOLERANCE
-from contactsense.service.analysis.place_search import Place
+from contactsense.service.analysis.smoothing.place_search import Place
 
 SKIN_DEVIATION = 2e-4
 """Standard deviation of the real surface from the skin [m]."""

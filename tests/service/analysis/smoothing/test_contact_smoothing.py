@@ -9,10 +9,10 @@ from contactsense import Localizer, SampleBlock, Scene, WrenchSensor
 from contactsense.robots.primitives import Sphere
 from contactsense.robots.tool import Tool
 from contactsense.runtime.result_rows import POINT_BASE
-from contactsense.service.analysis.contact_history import ContactCollector, ContactHistory
-from contactsense.service.analysis.contact_windows import LARGEST_TURN, contact_windows
-from contactsense.service.analysis.smoothing import ContactSmoother
-from contactsense.service.analysis.summarize import Summarizer
+from contactsense.service.analysis.samples.contact_history import ContactCollector, ContactHistory
+from contactsense.service.analysis.samples.contact_windows import LARGEST_TURN, contact_windows
+from contactsense.service.analysis.smoothing.contact_smoothing import ContactSmoother
+from contactsense.service.analysis.summary.summarize import Summarizer
 from tests.service.analysis.recordings import demo
 
 SCENE = Scene(robot="ur5e")

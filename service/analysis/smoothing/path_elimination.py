@@ -16,7 +16,7 @@ from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.surface.union import nearest
 from contactsense.robots.vectors import Vector, add_scaled, cross, dot, scale, tangents, vector
-from contactsense.service.analysis.path_arrays import EliminationArrays, PathArrays, WindowSums
+from contactsense.service.analysis.smoothing.path_arrays import EliminationArrays, PathArrays, WindowSums
 
 
 @kernel

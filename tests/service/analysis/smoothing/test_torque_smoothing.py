@@ -10,13 +10,18 @@ from contactsense import Localizer, SampleBlock, Scene
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import build_model, empty_motion
 from contactsense.runtime.result_rows import LINK, TORSION
-from contactsense.service.analysis.contact_history import ContactCollector, ContactHistory
-from contactsense.service.analysis.contact_windows import contact_windows
-from contactsense.service.analysis.place_search import Place
-from contactsense.service.analysis.smoothed_contact import SmoothedContact, ranked
-from contactsense.service.analysis.smoothing import ContactSmoother
-from contactsense.service.analysis.summarize import Summarizer
-from contactsense.service.analysis.torque_smoothing import TorqueSmoother, _Candidate, _followed, _magnitudes
+from contactsense.service.analysis.samples.contact_history import ContactCollector, ContactHistory
+from contactsense.service.analysis.samples.contact_windows import contact_windows
+from contactsense.service.analysis.smoothing.contact_smoothing import ContactSmoother
+from contactsense.service.analysis.smoothing.place_search import Place
+from contactsense.service.analysis.smoothing.smoothed_contact import SmoothedContact, ranked
+from contactsense.service.analysis.smoothing.torque_smoothing import (
+    TorqueSmoother,
+    _Candidate,
+    _followed,
+    _magnitudes,
+)
+from contactsense.service.analysis.summary.summarize import Summarizer
 from contactsense.service.mock.arm.script import Script
 from contactsense.service.mock.arm.simulated_arm import Motion, Touch, simulate
 from tests.plain_arm import plain_ur5e

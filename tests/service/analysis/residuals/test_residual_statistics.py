@@ -6,7 +6,7 @@ import pytest
 from contactsense import BlockEstimates
 from contactsense.runtime.result_rows import WIDTH
 from contactsense.sensors.stream_state import DEGRADED, TOUCHED
-from contactsense.service.analysis.residual_statistics import ResidualStatistics, ResidualSummary
+from contactsense.service.analysis.residuals.residual_statistics import ResidualStatistics, ResidualSummary
 
 JOINTS, SAMPLES = 6, 60
 FLAGS = np.zeros(SAMPLES, dtype=np.int64)

@@ -8,7 +8,7 @@ import pytest
 
 from contactsense import Localizer, SampleBlock, Scene
 from contactsense.sensors.settings import Friction, JointTorqueSensor
-from contactsense.service.analysis.friction_residuals import FrictionChange, FrictionResiduals
+from contactsense.service.analysis.residuals.friction_residuals import FrictionChange, FrictionResiduals
 from contactsense.service.mock.arm.script import Move, Noise, Script, Trajectory
 from contactsense.service.mock.arm.simulated_arm import Motion, simulate
 

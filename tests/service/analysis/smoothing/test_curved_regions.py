@@ -7,7 +7,7 @@ from contactsense.robots.primitives import Box, Sphere
 from contactsense.robots.robot import Inertia, Link
 from contactsense.robots.surface.convex_primitives import Surfaces, pack
 from contactsense.robots.surface.signed_distance_grid import Grids
-from contactsense.service.analysis.curved_regions import curvature_covariance
+from contactsense.service.analysis.smoothing.curved_regions import curvature_covariance
 
 RADIUS = 0.04
 BODY = Inertia(1.0, np.zeros(3), np.eye(3))

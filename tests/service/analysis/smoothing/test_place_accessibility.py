@@ -9,7 +9,7 @@ from contactsense import Scene
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import build_model, empty_motion
 from contactsense.scene_model.constants import build_constants
-from contactsense.service.analysis.place_accessibility import log_accessible_share
+from contactsense.service.analysis.smoothing.place_accessibility import log_accessible_share
 from tests.plain_arm import plain_ur5e
 
 SCENE = Scene(robot=plain_ur5e())

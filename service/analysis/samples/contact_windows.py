@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from contactsense.service.analysis.contact_history import ContactHistory
+from contactsense.service.analysis.samples.contact_history import ContactHistory
 
 SHORTEST, LONGEST = 0.02, 0.1
 """Minimum duration of windows and, while there are fewer than `MOST`, maximum duration [s]."""

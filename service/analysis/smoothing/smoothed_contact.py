@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from contactsense.service.analysis.contact_windows import ContactWindows
-from contactsense.service.analysis.place_search import Place
+from contactsense.service.analysis.samples.contact_windows import ContactWindows
+from contactsense.service.analysis.smoothing.place_search import Place
 
 
 @dataclass(frozen=True, eq=False)

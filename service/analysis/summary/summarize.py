@@ -18,9 +18,9 @@ from contactsense.runtime.result_rows import (
     TORSION,
 )
 from contactsense.scene import Scene
-from contactsense.service.analysis.contact_history import ContactHistory
-from contactsense.service.analysis.contact_summary import ContactSummary, ForceCurve
-from contactsense.service.analysis.smoothed_contact import SmoothedContact
+from contactsense.service.analysis.samples.contact_history import ContactHistory
+from contactsense.service.analysis.smoothing.smoothed_contact import SmoothedContact
+from contactsense.service.analysis.summary.contact_summary import ContactSummary, ForceCurve
 from contactsense.tracking.contact_track import NONE, SLIDE
 
 TRANSIENT_TIME = 0.5

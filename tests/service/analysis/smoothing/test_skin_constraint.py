@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from contactsense.robots.surface.signed_distance_grid import Grids
-from contactsense.service.analysis.place_search import Place
-from contactsense.service.analysis.skin_constraint import SKIN_DEVIATION, place_on_skin
+from contactsense.service.analysis.smoothing.place_search import Place
+from contactsense.service.analysis.smoothing.skin_constraint import SKIN_DEVIATION, place_on_skin
 
 HEIGHT = 0.002
 """Height of the skin over the primitive [m]."""

@@ -10,9 +10,9 @@ from contactsense.localization.surface.local_prior import no_cells
 from contactsense.robots.primitives import Box
 from contactsense.robots.robot import Inertia, Link
 from contactsense.robots.surface.convex_primitives import Surfaces, pack
-from contactsense.service.analysis.path_arrays import WindowSums
-from contactsense.service.analysis.place_accessibility import log_accessible_share
-from contactsense.service.analysis.place_search import LinkMeasurement, PlaceSearch
+from contactsense.service.analysis.smoothing.path_arrays import WindowSums
+from contactsense.service.analysis.smoothing.place_accessibility import log_accessible_share
+from contactsense.service.analysis.smoothing.place_search import LinkMeasurement, PlaceSearch
 from contactsense.solvers.posterior.contact_prior import Prior
 
 PRIOR = Prior(

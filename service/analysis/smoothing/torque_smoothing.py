@@ -26,12 +26,12 @@ from contactsense import Contact, Localizer
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import Model, empty_motion
 from contactsense.residuals.momentum_observer import noise_variance_ratio
-from contactsense.service.analysis.contact_history import ContactHistory
-from contactsense.service.analysis.contact_windows import ContactWindows
-from contactsense.service.analysis.goodness_of_fit import is_good_fit
-from contactsense.service.analysis.link_changes import log_odds_of_one_link
-from contactsense.service.analysis.place_search import Place
-from contactsense.service.analysis.smoothed_contact import SmoothedContact, ranked
+from contactsense.service.analysis.samples.contact_history import ContactHistory
+from contactsense.service.analysis.samples.contact_windows import ContactWindows
+from contactsense.service.analysis.smoothing.goodness_of_fit import is_good_fit
+from contactsense.service.analysis.smoothing.link_changes import log_odds_of_one_link
+from contactsense.service.analysis.smoothing.place_search import Place
+from contactsense.service.analysis.smoothing.smoothed_contact import SmoothedContact, ranked
 
 LARGEST_TURN = 0.15
 """Maximum rotation of a joint within a stretch [rad]."""

@@ -4,8 +4,8 @@ import numpy as np
 
 from contactsense import SampleBlock, Scene
 from contactsense.runtime.result_rows import COVARIANCE, FORCE, LINK, NORMAL, POINT, POINT_BASE, WIDTH
-from contactsense.service.analysis.contact_history import ContactHistory
-from contactsense.service.analysis.summarize import Summarizer
+from contactsense.service.analysis.samples.contact_history import ContactHistory
+from contactsense.service.analysis.summary.summarize import Summarizer
 from contactsense.tracking.contact_track import HOLD
 
 SCENE = Scene(robot="ur5e")

@@ -15,8 +15,8 @@ import numpy as np
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import Model, Motion, empty_motion
 from contactsense.robots.jit.kernel import kernel
-from contactsense.service.analysis.contact_history import ContactHistory
-from contactsense.service.analysis.contact_windows import ContactWindows
+from contactsense.service.analysis.samples.contact_history import ContactHistory
+from contactsense.service.analysis.samples.contact_windows import ContactWindows
 
 
 class LinkWindows(NamedTuple):

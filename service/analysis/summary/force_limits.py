@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, ValidationErro
 
 from contactsense.robots.files.yaml_fields import read_fields
 from contactsense.scene import describe
-from contactsense.service.analysis.contact_summary import ContactSummary
+from contactsense.service.analysis.summary.contact_summary import ContactSummary
 
 DISCLAIMER = (
     "Forces are estimates from sensors of the arm; pressure is not measured. This is no conformity test."

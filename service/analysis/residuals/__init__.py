@@ -1,0 +1,1 @@
+"""Residuals over whole recordings: their size, and how friction differs from the scene's."""
