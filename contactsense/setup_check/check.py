@@ -1,8 +1,8 @@
 """Check a scene against contact-free motion: which of its lines fit, which do not, which the motion does not
 determine.
 
-`contactsense.setup_check.search` finds the lines whose change explains the readings. What its last round has
-not accepted is assessed by how well the motion determines it.
+`contactsense.setup_check.search.wrong_lines` finds the lines whose change explains the readings. What its
+last round has not accepted is assessed by how well the motion determines it.
 """
 
 from collections.abc import Callable, Mapping
@@ -13,14 +13,26 @@ import numpy as np
 from contactsense import robots
 from contactsense.calibration.free_motion import FreeMotion
 from contactsense.scene import Scene
-from contactsense.setup_check.candidate import Candidate
-from contactsense.setup_check.change import groups
-from contactsense.setup_check.changes import matters, tolerance
-from contactsense.setup_check.drive_friction import unstated_friction
-from contactsense.setup_check.explanation import EXCLUDED, Explanation
-from contactsense.setup_check.fit import Fit, Fitter
-from contactsense.setup_check.hypotheses import Hypotheses
-from contactsense.setup_check.instants import without_gaps
+from contactsense.setup_check.findings.drive_friction import unstated_friction
+from contactsense.setup_check.findings.proposals import line_value
+from contactsense.setup_check.findings.sensor_findings import (
+    base_offset,
+    bias_findings,
+    range_findings,
+    residuals_of,
+    saturated_sensors,
+    without,
+)
+from contactsense.setup_check.findings.signal_findings import (
+    frozen_components,
+    frozen_findings,
+    frozen_joints,
+    velocity_finding,
+    with_own_velocities,
+)
+from contactsense.setup_check.findings.unexplained import unexplained_signals
+from contactsense.setup_check.fit.fitter import Fit, Fitter
+from contactsense.setup_check.hypotheses.all_hypotheses import Hypotheses
 from contactsense.setup_check.lines import (
     FROZEN_TORQUES,
     TOOL,
@@ -33,34 +45,23 @@ from contactsense.setup_check.lines import (
     torque_lines,
     wrench_fields,
 )
-from contactsense.setup_check.motion_basis import MotionBases, Readings
-from contactsense.setup_check.proposals import line_value
 from contactsense.setup_check.result import FITS_BETTER, Finding, SetupCheck, Verdict
-from contactsense.setup_check.search import searched
-from contactsense.setup_check.sensor_findings import (
-    base_offset,
-    bias_findings,
-    range_findings,
-    residuals_of,
-    saturated_sensors,
-    without,
-)
+from contactsense.setup_check.search.candidate import Candidate
+from contactsense.setup_check.search.change import groups
+from contactsense.setup_check.search.changes import matters, tolerance
+from contactsense.setup_check.search.explanation import EXCLUDED, Explanation
+from contactsense.setup_check.search.wrong_lines import searched
 from contactsense.setup_check.setup import Free, Setup
-from contactsense.setup_check.signal_findings import (
-    frozen_components,
-    frozen_findings,
-    frozen_joints,
-    velocity_finding,
-    with_own_velocities,
-)
-from contactsense.setup_check.unexplained import unexplained_signals
+from contactsense.setup_check.terms.instants import without_gaps
+from contactsense.setup_check.terms.motion_basis import MotionBases, Readings
 from contactsense.setup_check.usable_recordings import AT_RANGE, FROZEN, check_usable
 
 _MOVES, _MOVING_SHARE = 0.02, 0.3
 """A joint moves if it is faster than this [rad/s] for more than this share of the time."""
 _BETTER = 6.0
 """A value is said to fit better if twice the log likelihood rises by more than this: strong evidence in the
-scale of R. E. Kass and A. E. Raftery (see `contactsense.setup_check.fit`), and less than proposals need."""
+scale of R. E. Kass and A. E. Raftery (see `contactsense.setup_check.fit.fitter`), and less than proposals
+need."""
 
 
 def check(

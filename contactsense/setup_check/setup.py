@@ -239,8 +239,8 @@ class Setup:
         return rows
 
     def carried(self, field: str) -> np.ndarray:
-        """Inertial parameters of the K bodies of `contactsense.setup_check.load_terms` as far as a sensor
-        carries them, shape (K, 10)."""
+        """Inertial parameters of the K bodies of `contactsense.setup_check.terms.load_terms` as far as a
+        sensor carries them, shape (K, 10)."""
         sensor = self.sensors[field]
         return (self.bodies - self.loaded_links if sensor.tool_alone else self.bodies)[sensor.body :]
 

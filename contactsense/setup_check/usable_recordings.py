@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.residuals.recording_residuals import GAP
 from contactsense.scene import Scene
-from contactsense.setup_check.instants import instants
+from contactsense.setup_check.terms.instants import instants
 
 FROZEN, AT_RANGE = "its readings stay the same", "the sensor is at its range"
 """Why a sensor is not used."""
@@ -25,7 +25,7 @@ def check_usable(
     Args:
         scene: What is to be checked.
         recordings: The recordings, without the readings of sensors that cannot be used.
-        parts: Their parts without gaps, see `contactsense.setup_check.instants.without_gaps`.
+        parts: Their parts without gaps, see `contactsense.setup_check.terms.instants.without_gaps`.
         unusable: Fields of those sensors, with `FROZEN` or `AT_RANGE`.
 
     Raises:

@@ -11,7 +11,7 @@ from contactsense.calibration.fit.gauss_newton import NOT_ESTIMATED
 from contactsense.calibration.parameters import OPTIONAL_FRICTION
 from contactsense.calibration.result import CHANGED
 from contactsense.scene import Scene
-from contactsense.setup_check.unexplained import ARM_LEVER, UNEXPLAINED_SHARE
+from contactsense.setup_check.findings.unexplained import ARM_LEVER, UNEXPLAINED_SHARE
 
 _TITLES = {
     "bias": "torque bias",

@@ -14,13 +14,13 @@ from contactsense.calibration import FreeMotion
 from contactsense.robots.rotations import rotation_from_rpy
 from contactsense.robots.tool import Tool
 from contactsense.setup_check import CheckError, SetupCheck, check, lines
-from contactsense.setup_check.changes import tolerance
-from contactsense.setup_check.fit import Fitter
-from contactsense.setup_check.motion_basis import MotionBases, Readings
-from contactsense.setup_check.proposals import line_value, roll_and_pitch
+from contactsense.setup_check.findings.proposals import line_value, roll_and_pitch
+from contactsense.setup_check.findings.signal_findings import velocity_finding
+from contactsense.setup_check.findings.unexplained import unexplained_signals
+from contactsense.setup_check.fit.fitter import Fitter
+from contactsense.setup_check.search.changes import tolerance
 from contactsense.setup_check.setup import BASE, Free, Setup
-from contactsense.setup_check.signal_findings import velocity_finding
-from contactsense.setup_check.unexplained import unexplained_signals
+from contactsense.setup_check.terms.motion_basis import MotionBases, Readings
 from tests.shared import shared
 from tests.unknown_limits import without_limits
 

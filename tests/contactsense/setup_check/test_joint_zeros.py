@@ -7,10 +7,10 @@ import pytest
 
 from contactsense.benchmarks.calibration.setup_draws import Settings, right_setup
 from contactsense.setup_check import SetupCheck, check
-from contactsense.setup_check.fit import Fitter
+from contactsense.setup_check.fit.fitter import Fitter
 from contactsense.setup_check.lines import ZEROS
-from contactsense.setup_check.motion_basis import MotionBases, Readings
 from contactsense.setup_check.setup import Setup
+from contactsense.setup_check.terms.motion_basis import MotionBases, Readings
 
 DRAWN = Settings(seconds=12.0)
 

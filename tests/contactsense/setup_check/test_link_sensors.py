@@ -17,13 +17,13 @@ from contactsense.scene import LinkWrenchSensor, Scene
 from contactsense.scene_model.link_sensors import mounts
 from contactsense.setup_check import CheckError, check, lines
 from contactsense.setup_check.check import other_arms
-from contactsense.setup_check.fit import Fitter
-from contactsense.setup_check.instants import BANDWIDTH, instants
+from contactsense.setup_check.findings.sensor_findings import saturated_sensors
+from contactsense.setup_check.fit.fitter import Fitter
 from contactsense.setup_check.lines import sensor_lines
-from contactsense.setup_check.load_terms import LoadTerms
-from contactsense.setup_check.motion_basis import MotionBases, Readings
-from contactsense.setup_check.sensor_findings import saturated_sensors
 from contactsense.setup_check.setup import Setup, plain_order
+from contactsense.setup_check.terms.instants import BANDWIDTH, instants
+from contactsense.setup_check.terms.load_terms import LoadTerms
+from contactsense.setup_check.terms.motion_basis import MotionBases, Readings
 from tests.contactsense.link_sensors.truth import FOREARM, Oracle
 
 DRAWN = Settings(seconds=8.0)

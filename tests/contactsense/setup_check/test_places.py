@@ -10,10 +10,10 @@ from contactsense.benchmarks.calibration.setup_draws import Settings, right_setu
 from contactsense.benchmarks.calibration.simulate import simulate
 from contactsense.calibration.motion.fourier_trajectory import FourierTrajectory
 from contactsense.setup_check import check
-from contactsense.setup_check.fit import Fitter
-from contactsense.setup_check.motion_basis import MotionBases, Readings
+from contactsense.setup_check.fit.fitter import Fitter
 from contactsense.setup_check.result import FITS_BETTER
 from contactsense.setup_check.setup import BASE, Free, Setup
+from contactsense.setup_check.terms.motion_basis import MotionBases, Readings
 from tests.plain_arm import plain_ur5e
 
 _CENTRE = np.array([0.0, -1.3, 1.5, -1.0, 0.8, 0.0])

@@ -7,11 +7,11 @@ import pytest
 
 from contactsense.benchmarks.calibration.setup_draws import Case, Settings, right_setup
 from contactsense.setup_check import Finding, SetupCheck, check
-from contactsense.setup_check.fit import Fitter
-from contactsense.setup_check.instants import at_delay
+from contactsense.setup_check.fit.fitter import Fitter
 from contactsense.setup_check.lines import DELAYED_TORQUES
-from contactsense.setup_check.motion_basis import MotionBases, Readings
 from contactsense.setup_check.setup import Setup
+from contactsense.setup_check.terms.instants import at_delay
+from contactsense.setup_check.terms.motion_basis import MotionBases, Readings
 
 DRAWN = Settings(seconds=12.0)
 LATE = 12

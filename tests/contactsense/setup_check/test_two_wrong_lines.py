@@ -8,12 +8,12 @@ import pytest
 from contactsense.benchmarks.calibration.setup_draws import Settings, right_setup
 from contactsense.benchmarks.calibration.two_mistakes import ARM_AND_TOOL, two_wrong_lines
 from contactsense.setup_check import check
-from contactsense.setup_check.change import Change, with_changes
 from contactsense.setup_check.check import _wrong_lines
-from contactsense.setup_check.explanation import Explanation
-from contactsense.setup_check.fit import Fitter
-from contactsense.setup_check.motion_basis import MotionBases, Readings
+from contactsense.setup_check.fit.fitter import Fitter
+from contactsense.setup_check.search.change import Change, with_changes
+from contactsense.setup_check.search.explanation import Explanation
 from contactsense.setup_check.setup import BASE, Setup
+from contactsense.setup_check.terms.motion_basis import MotionBases, Readings
 
 DRAWN = Settings(seconds=12.0)
 

@@ -18,11 +18,11 @@ from contactsense.kinematics.model import Model
 from contactsense.residuals.momentum_observer import noise_variance_ratio
 from contactsense.scene import JointTorqueSensor, Scene, WrenchSensor
 from contactsense.scene_model.arm_model import model_with_tool
-from contactsense.setup_check.instants import BANDWIDTH, Instants, instants
-from contactsense.setup_check.joint_terms import JointTerms
 from contactsense.setup_check.lines import wrench_fields
-from contactsense.setup_check.load_terms import LoadTerms
 from contactsense.setup_check.setup import Order, in_order
+from contactsense.setup_check.terms.instants import BANDWIDTH, Instants, instants
+from contactsense.setup_check.terms.joint_terms import JointTerms
+from contactsense.setup_check.terms.load_terms import LoadTerms
 
 
 class MotionBasis:
@@ -31,7 +31,7 @@ class MotionBasis:
     def __init__(
         self, model: Model, velocity: float, recordings: list[FreeMotion], places: list[Instants]
     ) -> None:
-        """See `contactsense.setup_check.joint_terms.JointTerms.of`."""
+        """See `contactsense.setup_check.terms.joint_terms.JointTerms.of`."""
         self._model, self._recordings, self._instants = model, recordings, places
         self.joints = JointTerms.of(model, velocity, recordings, places)
         self._loads: dict[int, LoadTerms] = {}

@@ -22,8 +22,8 @@ from contactsense.residuals.momentum_observer import advance_all, start_step
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import inlined_kernel, kernel
 from contactsense.robots.vectors import Vector, add_cross, cross, rotate_back, subtract, vector
-from contactsense.setup_check.instants import BANDWIDTH, Instants, at_delay
-from contactsense.setup_check.observed_motion import Equations, Kept, at_nodes, node_times
+from contactsense.setup_check.terms.instants import BANDWIDTH, Instants, at_delay
+from contactsense.setup_check.terms.observed_motion import Equations, Kept, at_nodes, node_times
 
 _PER_BODY = 6 * PARAMETERS + 3 * 3 * WEIGHTS
 """Equations of one body."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from contactsense.setup_check.fit import Fit
+from contactsense.setup_check.fit.fitter import Fit
 from contactsense.setup_check.setup import SCALED, Free, Kind, Setup
 
 _TOLERANCE: dict[Kind, float] = {

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from contactsense.scene import Scene
-from contactsense.setup_check.hypothesis import Hypothesis
-from contactsense.setup_check.lines import FROZEN_TORQUES, SCALE, signal_line, torque_scale
-from contactsense.setup_check.scaled_setups import (
+from contactsense.setup_check.hypotheses.hypothesis import Hypothesis
+from contactsense.setup_check.hypotheses.scaled_setups import (
     FORCE_UNITS,
     MOMENT_UNITS,
     TORQUE_UNITS,
@@ -17,6 +16,7 @@ from contactsense.setup_check.scaled_setups import (
     wrench_in_units,
     wrench_times_units,
 )
+from contactsense.setup_check.lines import FROZEN_TORQUES, SCALE, signal_line, torque_scale
 from contactsense.setup_check.setup import BASE, Free, Setup
 
 _UNIT_ERROR = 0.04

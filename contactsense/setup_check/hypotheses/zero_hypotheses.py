@@ -3,7 +3,7 @@ of the arm with other zeros."""
 
 import numpy as np
 
-from contactsense.setup_check.hypothesis import Hypothesis
+from contactsense.setup_check.hypotheses.hypothesis import Hypothesis
 from contactsense.setup_check.lines import ZEROS
 from contactsense.setup_check.setup import Free, Setup
 

@@ -9,7 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from contactsense import JointTorqueSensor, Scene, WrenchSensor
 from contactsense.robots.tool import Tool
-from contactsense.setup_check.hypotheses import Hypotheses, other_signal
+from contactsense.setup_check.findings.proposals import line_value
+from contactsense.setup_check.hypotheses.all_hypotheses import Hypotheses, other_signal
 from contactsense.setup_check.lines import (
     ANGLE_ORDER,
     ANGLE_UNIT,
@@ -26,7 +27,6 @@ from contactsense.setup_check.lines import (
     TORQUE_SIGNAL,
     ZEROS,
 )
-from contactsense.setup_check.proposals import line_value
 from contactsense.setup_check.setup import Setup
 from tests.plain_arm import plain_ur5e
 

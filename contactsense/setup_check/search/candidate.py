@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
-from contactsense.setup_check.fit import Fit, Fitter
-from contactsense.setup_check.hypothesis import Hypothesis
-from contactsense.setup_check.sensor_findings import rms
+from contactsense.setup_check.findings.sensor_findings import rms
+from contactsense.setup_check.fit.fitter import Fit, Fitter
+from contactsense.setup_check.hypotheses.hypothesis import Hypothesis
 from contactsense.setup_check.setup import Setup
 
 _MIN_DROP = 0.1

@@ -25,11 +25,11 @@ from contactsense.calibration.parameters import inertial_scales
 from contactsense.robots.torque_scale import torque_scales
 from contactsense.scene import JointTorqueSensor, Scene
 from contactsense.sensors.settings import per_joint
-from contactsense.setup_check.equations import Equations, bordered, products
+from contactsense.setup_check.fit.equations import Equations, bordered, products
+from contactsense.setup_check.fit.place_jacobian import place_jacobian
 from contactsense.setup_check.lines import wrench_fields
-from contactsense.setup_check.motion_basis import MotionBases, MotionBasis, Readings
-from contactsense.setup_check.place_jacobian import place_jacobian
 from contactsense.setup_check.setup import BASE, Free, Kind, Order, Setup, in_order
+from contactsense.setup_check.terms.motion_basis import MotionBases, MotionBasis, Readings
 
 _BASE_BIAS = np.repeat([50.0, 20.0], 3)
 """Scale of the prior of the base sensor's bias [N, Nm]. It is a Cauchy prior, with penalty 2 ln(1 + x^2): a

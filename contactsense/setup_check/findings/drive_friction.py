@@ -4,7 +4,7 @@ import numpy as np
 
 from contactsense.scene import Scene
 from contactsense.sensors.settings import per_joint
-from contactsense.setup_check.fit import Fitter
+from contactsense.setup_check.fit.fitter import Fitter
 from contactsense.setup_check.setup import Setup
 
 _NOISE_FACTOR = 2.0

@@ -6,19 +6,19 @@ the torques explains a part of what a smaller arm and a forgotten tool explain. 
 Letters 1994) therefore looks back: with two lines or more, each is withdrawn in turn, and everything that
 could be wrong is tried in its place, its parameters estimated together with those of the lines that stay.
 
-Sets are compared by the cost of `contactsense.setup_check.fit`. Each line must lower it by what is
+Sets are compared by the cost of `contactsense.setup_check.fit.fitter`. Each line must lower it by what is
 `needed`, so that one line that explains everything is preferred to two.
 """
 
 from dataclasses import dataclass, field, replace
 
-from contactsense.setup_check.candidate import Candidate
-from contactsense.setup_check.change import Change, groups, with_changes, with_estimates
-from contactsense.setup_check.changes import matters
-from contactsense.setup_check.fit import Fit, Fitter
-from contactsense.setup_check.hypotheses import Hypotheses
-from contactsense.setup_check.hypothesis import Hypothesis
+from contactsense.setup_check.fit.fitter import Fit, Fitter
+from contactsense.setup_check.hypotheses.all_hypotheses import Hypotheses
+from contactsense.setup_check.hypotheses.hypothesis import Hypothesis
 from contactsense.setup_check.lines import Line, states_inertia
+from contactsense.setup_check.search.candidate import Candidate
+from contactsense.setup_check.search.change import Change, groups, with_changes, with_estimates
+from contactsense.setup_check.search.changes import matters
 from contactsense.setup_check.setup import Free, Setup
 
 EVIDENCE = 30.0

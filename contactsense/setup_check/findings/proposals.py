@@ -9,13 +9,14 @@ from scipy.spatial.transform import Rotation
 from contactsense.kinematics.regressor import bodies_of
 from contactsense.robots.rotations import rpy_from_rotation
 from contactsense.scene import Scene, WrenchSensor
-from contactsense.setup_check.hypotheses import (
+from contactsense.setup_check.hypotheses.all_hypotheses import (
     meant_signal,
     mounting_mistakes,
     reads_other_signal,
     signed_permutations,
     torque_constants,
 )
+from contactsense.setup_check.hypotheses.scale_hypotheses import torque_remark, unit_remark
 from contactsense.setup_check.lines import (
     ANGLE_ORDER,
     ANGLE_UNIT,
@@ -39,7 +40,6 @@ from contactsense.setup_check.lines import (
     sensor_of,
     torque_scale,
 )
-from contactsense.setup_check.scale_hypotheses import torque_remark, unit_remark
 from contactsense.setup_check.setup import Order, SensorSetup, Setup
 
 _SNAP = np.radians(3.0)

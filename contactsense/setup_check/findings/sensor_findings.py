@@ -7,8 +7,8 @@ import numpy as np
 from contactsense.calibration.free_motion import FreeMotion
 from contactsense.scene import Scene, WrenchSensor
 from contactsense.scene_model.reading_limits import ROUNDING
-from contactsense.setup_check.fit import Fit, Fitter
-from contactsense.setup_check.proposals import line_value
+from contactsense.setup_check.findings.proposals import line_value
+from contactsense.setup_check.fit.fitter import Fit, Fitter
 from contactsense.setup_check.result import Finding, Residuals, Verdict, WrenchResidual
 from contactsense.setup_check.setup import BASE, Setup
 
@@ -24,8 +24,8 @@ def rms(values: np.ndarray) -> float | None:
 
 
 def residuals_of(r: np.ndarray, fields: Sequence[str]) -> Residuals:
-    """Root mean squares of residuals, shape (M, C), see `contactsense.setup_check.fit.Fit`; `fields`: the
-    force/torque sensors in the order of their channels."""
+    """Root mean squares of residuals, shape (M, C), see `contactsense.setup_check.fit.fitter.Fit`; `fields`:
+    the force/torque sensors in the order of their channels."""
     n = r.shape[1] - 6 * len(fields)
     parts = {}
     for i, field in enumerate(fields):

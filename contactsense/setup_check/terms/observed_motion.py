@@ -11,7 +11,7 @@ from contactsense.calibration.residuals.recording_residuals import JointMotion
 from contactsense.kinematics.model import Motion, empty_motion
 from contactsense.kinematics.regressor import PARAMETERS
 from contactsense.residuals.momentum_observer import MomentumObserver, empty_observer
-from contactsense.setup_check.instants import Instants
+from contactsense.setup_check.terms.instants import Instants
 
 
 class Equations(NamedTuple):

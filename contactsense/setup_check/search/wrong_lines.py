@@ -3,8 +3,8 @@
 Every hypothesis changes one line and is fitted with all nuisances. The best of them is accepted if the
 evidence for it is strong and its change matters; the search then continues from the corrected setup, as
 several lines may be wrong. Two lines or more are exchanged for others, see
-`contactsense.setup_check.explanation`; where one line or none leaves residuals far beyond the noise, pairs
-are tried.
+`contactsense.setup_check.search.explanation`; where one line or none leaves residuals far beyond the noise,
+pairs are tried.
 """
 
 from collections.abc import Callable
@@ -12,10 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from contactsense.setup_check.candidate import Candidate
-from contactsense.setup_check.change import Change
-from contactsense.setup_check.changes import matters
-from contactsense.setup_check.explanation import (
+from contactsense.setup_check.fit.fitter import Fit, Fitter
+from contactsense.setup_check.hypotheses.all_hypotheses import Hypotheses
+from contactsense.setup_check.hypotheses.hypothesis import Hypothesis
+from contactsense.setup_check.lines import Line
+from contactsense.setup_check.search.candidate import Candidate
+from contactsense.setup_check.search.change import Change
+from contactsense.setup_check.search.changes import matters
+from contactsense.setup_check.search.explanation import (
     EXCLUDED,
     Explanation,
     change_of,
@@ -24,10 +28,6 @@ from contactsense.setup_check.explanation import (
     needed,
     pairs,
 )
-from contactsense.setup_check.fit import Fit, Fitter
-from contactsense.setup_check.hypotheses import Hypotheses
-from contactsense.setup_check.hypothesis import Hypothesis
-from contactsense.setup_check.lines import Line
 from contactsense.setup_check.setup import Setup
 
 _MOST = 3
@@ -63,7 +63,7 @@ def searched(fitter: Fitter, hypotheses: Hypotheses, stated: Setup, progress: Ca
         progress(f"round {number + 1}")
         fitter.effective[:] = 1.0
         now = fitter.fit(setup)
-        # As in `contactsense.setup_check.explanation`, where something else is wrong already.
+        # As in `contactsense.setup_check.search.explanation`, where something else is wrong already.
         tried = [h for h in hypotheses.of(setup) if not (found is not None and h.absorbed)]
         candidates = [
             Candidate.of(fitter, h) for h in tried if h.second_line is None or _promises(fitter, h, now)

@@ -12,7 +12,12 @@ from scipy.spatial.transform import Rotation
 
 from contactsense.scene import Scene
 from contactsense.sensors.settings import CURRENTS, Meaning
-from contactsense.setup_check.hypothesis import Hypothesis
+from contactsense.setup_check.hypotheses.hypothesis import Hypothesis
+from contactsense.setup_check.hypotheses.load_hypotheses import link_loads
+from contactsense.setup_check.hypotheses.order_hypotheses import angle_orders, torque_orders
+from contactsense.setup_check.hypotheses.reversed_scales import reversed_torques, reversed_wrench
+from contactsense.setup_check.hypotheses.scale_hypotheses import sensor_scales, torque_scales
+from contactsense.setup_check.hypotheses.zero_hypotheses import angle_zeros
 from contactsense.setup_check.lines import (
     ANGLE_UNIT,
     AXES_ORDER,
@@ -31,12 +36,7 @@ from contactsense.setup_check.lines import (
     sensor_lines,
     torque_scale,
 )
-from contactsense.setup_check.load_hypotheses import link_loads
-from contactsense.setup_check.order_hypotheses import angle_orders, torque_orders
-from contactsense.setup_check.reversed_scales import reversed_torques, reversed_wrench
-from contactsense.setup_check.scale_hypotheses import sensor_scales, torque_scales
 from contactsense.setup_check.setup import Free, Setup
-from contactsense.setup_check.zero_hypotheses import angle_zeros
 
 TORQUE_CONSTANT = 10.0
 """Torque per current where neither scene nor arm states it [Nm/A]: that of the UR10e's joints is 8.5 to 10.7.

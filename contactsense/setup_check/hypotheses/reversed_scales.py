@@ -8,7 +8,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from contactsense.setup_check.hypothesis import Hypothesis, SecondLine
+from contactsense.setup_check.hypotheses.hypothesis import Hypothesis, SecondLine
+from contactsense.setup_check.hypotheses.order_hypotheses import reversed_joint
+from contactsense.setup_check.hypotheses.scaled_setups import (
+    forces_in_units,
+    moments_in_units,
+    torques_in_units,
+    wrench_times_units,
+)
 from contactsense.setup_check.lines import (
     AXES_ORDER,
     SCALE,
@@ -17,13 +24,6 @@ from contactsense.setup_check.lines import (
     TORQUE_SIGNAL,
     Line,
     signal_line,
-)
-from contactsense.setup_check.order_hypotheses import reversed_joint
-from contactsense.setup_check.scaled_setups import (
-    forces_in_units,
-    moments_in_units,
-    torques_in_units,
-    wrench_times_units,
 )
 from contactsense.setup_check.setup import BASE, SCALED, Free, Setup, plain_order
 

@@ -6,7 +6,7 @@ The prior of the links' inertia takes up a part of it, so that no residual need 
 from dataclasses import replace
 
 from contactsense.scene import Scene
-from contactsense.setup_check.hypothesis import Hypothesis
+from contactsense.setup_check.hypotheses.hypothesis import Hypothesis
 from contactsense.setup_check.lines import inertia_line, loaded_links
 from contactsense.setup_check.setup import Free, Setup
 

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from itertools import combinations
 
-from contactsense.setup_check.hypothesis import Hypothesis
+from contactsense.setup_check.hypotheses.hypothesis import Hypothesis
 from contactsense.setup_check.lines import ANGLE_ORDER, TORQUE_ORDER
 from contactsense.setup_check.setup import Order, Setup, plain_order
 
