@@ -89,6 +89,7 @@ def deliver(
         async with asyncio.timeout(20):
             while not done(delivery, told):
                 await asyncio.sleep(0.01)
+        assert not delivery.error
         await delivery.stop()
 
     asyncio.run(scenario())
@@ -260,6 +261,31 @@ def test_a_receiver_that_is_overloaded_gets_twice_the_time() -> None:
     assert due[0] == pytest.approx(1000.0, rel=jitter)
     assert due[1] == pytest.approx(2000.0, rel=jitter)
     assert due[1] > 1.3 * 1000.0
+
+
+def test_other_webhooks_take_the_place_of_those_before() -> None:
+    """As after a reload; what waits for one that is gone stays, for rules that have it again."""
+    told: list[tuple[str, bool]] = []
+    with receiver(200) as first, receiver(200) as second, Journal() as journal:
+
+        async def scenario() -> None:
+            before = {"hook": hook(first.server_port), "gone": hook(first.server_port)}
+            delivery = WebhookDelivery(
+                journal, before, lambda name, ok, reason, decision: told.append((name, ok)), (0.0,)
+            )
+            delivery.start()
+            await delivery.replace({"hook": hook(second.server_port)})
+            delivery.enqueue("gone", DECISION)
+            delivery.enqueue("hook", DECISION)
+            async with asyncio.timeout(20):
+                while not told:
+                    await asyncio.sleep(0.01)
+            await delivery.stop()
+
+        asyncio.run(scenario())
+        assert told == [("hook", True)]
+        assert (len(first.heard), len(second.heard)) == (0, 1)
+        assert waiting(journal) == 1
 
 
 @contextmanager
