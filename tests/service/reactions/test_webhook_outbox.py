@@ -57,18 +57,24 @@ def test_beyond_its_limit_the_oldest_is_lost_and_told(monkeypatch: pytest.Monkey
         assert count == 4  # that of the other webhook, too
 
 
+@pytest.mark.parametrize("added", [0, 1])
 @pytest.mark.parametrize("step", [-3.0 * HOUR, 3.0 * HOUR])
-def test_pauses_are_the_same_after_the_clock_was_set(step: float, set_clock: SetClock) -> None:
+def test_pauses_are_the_same_after_the_clock_was_set(step: float, added: int, set_clock: SetClock) -> None:
+    """Whether or not a delivery comes before the next look."""
     with Journal() as journal:
         delivery = outbox(journal)
         delivery.enqueue("hook", DECISION)
         delivery._write_result("hook", 1, 2, False, 500)  # due in 300 s
-        set_clock(step)
         delivery.enqueue("hook", DECISION)  # due at once
-        assert delivery._next("hook") is not None
-        first, second = pauses(journal)
+        set_clock(step)
+        for _ in range(added):
+            delivery.enqueue("hook", DECISION)
+        row = delivery._next("hook")
+        assert row is not None
+        assert row[0] == 2
+        first, *others = pauses(journal)
         assert first == pytest.approx(300.0, rel=webhook_delivery.JITTER)
-        assert second == pytest.approx(0.0, abs=1.0)
+        assert others == [pytest.approx(0.0, abs=1.0)] * (1 + added)
 
 
 def test_a_clock_that_was_set_back_while_the_service_was_away_delays_nothing_for_long(
