@@ -11,7 +11,9 @@ from contactsense.service.reactions.actions.base import ActionError
 from contactsense.service.reactions.actions.time_limit import TimeLimit
 
 
-def request(url: str, method: str, body: bytes, headers: Mapping[str, str], timeout: float) -> int:
+def request(
+    url: str, method: str, body: bytes, headers: Mapping[str, str], timeout: float, *, direct: bool = False
+) -> int:
     """Send a request; returns the status of the answer, also of a refusal or a redirection.
 
     Args:
@@ -20,12 +22,14 @@ def request(url: str, method: str, body: bytes, headers: Mapping[str, str], time
         body: What is sent.
         headers: Header fields.
         timeout: Time limit [s].
+        direct: Whether to use no proxy, though the environment names one, as in `http_proxy`.
 
     Raises:
         ActionError: There is no answer; the message says why, without the address.
     """
     opened: list[http.client.HTTPConnection] = []
-    opener = urllib.request.build_opener(_NoRedirect, _HTTP(opened), _HTTPS(opened))
+    proxies = [urllib.request.ProxyHandler({})] if direct else []
+    opener = urllib.request.build_opener(_NoRedirect, _HTTP(opened), _HTTPS(opened), *proxies)
     with TimeLimit(timeout, lambda: [connection.sock for connection in opened]) as limit:
         try:
             outgoing = urllib.request.Request(url, body, dict(headers), method=method)

@@ -24,7 +24,7 @@ class PolyscopeXAction(ExecutedAction):
         where = f"{host}:{self.port}{PATH}"
         body, headers = json.dumps({"action": self.action}).encode(), {"Content-Type": "application/json"}
         try:
-            status = request(f"http://{where}", "PUT", body, headers, self.timeout)
+            status = request(f"http://{where}", "PUT", body, headers, self.timeout, direct=True)
         except ActionError as error:
             raise ActionError(f"{where}: {error}") from None
         if not 200 <= status < 300:

@@ -179,11 +179,14 @@ class _Rest(http.server.BaseHTTPRequestHandler):
 
 
 @pytest.mark.parametrize("status", [200, 403])
-def test_polyscope_x(status: int) -> None:
+def test_polyscope_x(status: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is on the robot's network, to which the proxy of a company leads nowhere."""
+    monkeypatch.setenv("http_proxy", f"http://{HOST}:1")
+    monkeypatch.delenv("no_proxy", raising=False)
     heard: list[tuple[str, bytes]] = []
     handler = type("Handler", (_Rest,), {"status": status, "heard": heard})
     with http.server.HTTPServer((HOST, 0), handler) as server:
-        thread = threading.Thread(target=server.handle_request)
+        thread = threading.Thread(target=server.handle_request, daemon=True)
         thread.start()
         action = PolyscopeXAction(type="polyscope_x", action="stop", port=server.server_port)
         if status == 200:
