@@ -144,6 +144,7 @@ def test_gone_disables_also_after_a_restart(tmp_path: Path) -> None:
                 journal, hook(server.server_port), 2, lambda d, t: bool(d.disabled("hook")) and bool(t)
             )
             assert "disabled until its URL changes" in told[0][1]
+            assert waiting(journal) == 1  # not the one that was answered
         with Journal(settings) as journal:
             deliver(journal, hook(server.server_port), 1, lambda d, t: bool(d.disabled("hook")))
         assert len(server.heard) == 1
@@ -238,6 +239,17 @@ def test_a_url_that_cannot_be_requested_is_reported_and_stops_nothing(url: str) 
         told = deliver(journal, webhook, 2, lambda d, t: waiting(journal) == 0 and len(t) == 6)
     assert not any(ok for ok, _ in told)
     assert all(reason.startswith(f"{url}: ") for _, reason in told)
+
+
+def test_a_secret_that_cannot_be_read_is_told_and_stops_nothing(tmp_path: Path) -> None:
+    file = tmp_path / "secret"
+    with receiver(200) as server, Journal() as journal:
+        webhook = WebhookAction(type="webhook", url=hook(server.server_port).url, secret_file=file)
+        told = deliver(journal, webhook, 1, lambda d, t: len(t) == 3)
+        assert [ok for ok, _ in told] == [False] * 3
+        assert told[0][1].startswith(f"secret_file: {file}: No such file or directory")
+        file.write_text(SECRET)
+        assert deliver(journal, webhook, 1, lambda d, t: len(t) == 1) == [(True, "answered 200")]
 
 
 def test_a_webhook_that_is_gone_is_asked_again_where_its_url_has_changed() -> None:
