@@ -127,7 +127,7 @@ def _fields(content: Any, name: str, example: str) -> dict[str, Any]:
     if not isinstance(content, dict):
         got = "nothing" if content is None else f"{content!r:.40}"
         raise ValueError(f"{name}: expected fields such as `{example}`, got {got}")
-    other = next((key for key in content if not isinstance(key, str)), None)
-    if other is not None:
-        raise ValueError(f"{name}: expected names of fields such as `{example}`, got {other!r:.40}")
+    others = [key for key in content if not isinstance(key, str)]
+    if others:
+        raise ValueError(f"{name}: expected names of fields such as `{example}`, got {others[0]!r:.40}")
     return content

@@ -49,6 +49,7 @@ def test_numbers_are_what_they_look_like(text: str, value: object) -> None:
         (b"# a comment", "file.yaml: expected fields such as `robot: ur5e`, got nothing"),
         (b"- 1", "file.yaml: expected fields such as `robot: ur5e`, got [1]"),
         (b"1: 2", "file.yaml: expected names of fields such as `robot: ur5e`, got 1"),
+        (b"a: 1\nnull: 2", "file.yaml: expected names of fields such as `robot: ur5e`, got None"),
         (b"\xb2\xff\x00", "file.yaml: cannot read the scene: expected text in UTF-8"),
         (b"a: 1\nb: {c: 1,\n c: 2}", "file.yaml: c: expected once, got in line 2 and in line 3"),
         (b"a: [", "file.yaml: not YAML: "),
