@@ -71,7 +71,7 @@ def test_a_client_that_takes_records_for_old_ones_is_replaced(monkeypatch: pytes
 class Box:
     """A simulated robot and sensor, each with a clock of its own, and the reader between them."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, *, delay: float = 0.0, wait: float = 0.003) -> None:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, **timing: float | None) -> None:
         self.ns, self.tick, self.stamp = 50 * NS, 1000, 7.0
         self.waited = 0
         self.late = 0.0
@@ -90,7 +90,7 @@ class Box:
         monkeypatch.setattr(network_wrench, "time", clock)
         self.reader = NetworkWrench(
             WrenchSource("sensor"),
-            Timing(None, 0.005, delay, wait),
+            Timing(**{"rate": None, "max_age": 0.005, "delay": 0.0, "wait": 0.003, **timing}),  # type: ignore[arg-type]
             ReadingCheck("base_wrench", False, self.recent, ArmState()),
             self.observe,
         )
@@ -163,6 +163,24 @@ def test_a_sample_waits_for_the_reading_of_its_instant(
     box.sends = False
     box.run(0.06)
     assert (box.waited, box.aligned.wrench) == (0, None)
+
+
+@pytest.mark.parametrize(("max_age", "used"), [(0.0055, 0.2), (0.0135, 0.6)])
+def test_a_reading_is_used_until_it_is_too_old(
+    monkeypatch: pytest.MonkeyPatch, max_age: float, used: float
+) -> None:
+    box = Box(monkeypatch, max_age=max_age)
+    box.run(2.0)
+    box.sends = False
+    assert box.run(0.02) == pytest.approx(used)
+
+
+@pytest.mark.parametrize(("rate", "used"), [(1000.0, 1.0), (500.0, 0.0)])
+def test_the_rate_that_is_stated_counts(monkeypatch: pytest.MonkeyPatch, rate: float, used: float) -> None:
+    """The sensor numbers its readings at 1 kHz; with another rate they are those of other times."""
+    box = Box(monkeypatch, rate=rate)
+    box.run(1.0)
+    assert box.run(0.5) == used
 
 
 @pytest.mark.parametrize("silence", [0.03, 5.0])
