@@ -1,6 +1,7 @@
 """What is written in another format is read back the same."""
 
 import struct
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,21 @@ def test_there_and_back(tmp_path: Path, name: str) -> None:
     np.testing.assert_allclose(found.t, whole.t, atol=1e-8)
     np.testing.assert_allclose(found.q, whole.q)
     np.testing.assert_allclose(found.joint_torque, whole.joint_torque)
+    np.testing.assert_allclose(found.base_wrench, whole.base_wrench, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["a.parquet", "a.csv", "a.mcap"])
+def test_what_a_recording_lacks_is_not_written(tmp_path: Path, name: str) -> None:
+    """Torques in all rows, wrenches in some."""
+    if name.endswith(".mcap"):
+        pytest.importorskip("mcap_ros2")
+        pytest.importorskip("rosbags")
+    whole = replace(recording(), joint_torque=None)
+    assert whole.base_wrench is not None
+    whole.base_wrench[10:30] = np.nan
+    export(whole, tmp_path / name)
+    found = read(tmp_path / name, SCENE)
+    assert found.joint_torque is None
     np.testing.assert_allclose(found.base_wrench, whole.base_wrench, atol=1e-9)
 
 
