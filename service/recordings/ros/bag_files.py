@@ -112,9 +112,7 @@ class BagFile:
                     messages.setdefault(connection.topic, []).append(
                         reader.deserialize(raw, connection.msgtype)
                     )
-        except (
-            Exception
-        ) as error:  # a damaged bag raises errors of each package that has a part in reading it
+        except Exception as error:  # of any package that has a part in reading it: the bag is damaged
             return self._rest(wanted, store, str(error) or type(error).__name__)
         return messages, found
 
