@@ -22,8 +22,8 @@ from contactsense import Localizer, Scene
 from contactsense.service.mock.arm.script import Script
 from contactsense.service.mock.arm.simulated_arm import simulate
 from contactsense.service.mock.servers import MockServers, MockSettings
+from contactsense.service.sensors.clients.robot_stream import SensorError
 from contactsense.service.sensors.live_source import LiveSource
-from contactsense.service.sensors.robot_stream import SensorError
 from contactsense.service.sensors.source_settings import SourceSettings
 
 DURATION = 8.0  # [s]

@@ -26,11 +26,11 @@ from contactsense.service.cli.options.finite_range import FiniteRange
 from contactsense.service.mock.interfaces.rtde_server import RATE
 from contactsense.service.mock.interfaces.sent_log import SentLog
 from contactsense.service.mock.servers import MockServers, MockSettings
+from contactsense.service.sensors.clients.robot_stream import RobotStream, SensorError
+from contactsense.service.sensors.clients.rtde_client import DEFAULT_PORT, RtdeStream
+from contactsense.service.sensors.clients.ur_rtde_client import UrRtdeStream
 from contactsense.service.sensors.live_source import LiveSource
-from contactsense.service.sensors.robot_stream import RobotStream, SensorError
-from contactsense.service.sensors.rtde_client import DEFAULT_PORT, RtdeStream
 from contactsense.service.sensors.source_settings import SourceSettings
-from contactsense.service.sensors.ur_rtde_client import UrRtdeStream
 from contactsense.types import Sample
 
 Client = Literal["rtde", "ur_rtde", "joined"]

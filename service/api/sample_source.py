@@ -8,8 +8,8 @@ from contactsense.service.api.settings import OptionsError, Settings, SettingsEr
 from contactsense.service.api.variables import PREFIX
 from contactsense.service.controllers.push_source import PushSource
 from contactsense.service.reactions.rules import ReactionRules
+from contactsense.service.sensors.clients.robot_stream import SensorError
 from contactsense.service.sensors.live_source import LiveSource
-from contactsense.service.sensors.robot_stream import SensorError
 from contactsense.service.sensors.source_settings import SourceSettings
 from contactsense.service.wire.rtde_fields import JOINTS
 

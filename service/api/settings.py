@@ -27,8 +27,8 @@ from contactsense.service.events.journal import JournalSettings
 from contactsense.service.logs import Format, Level
 from contactsense.service.reactions.state import ReactionSettings
 from contactsense.service.recordings.writing.clip_listener import RecordingSettings
-from contactsense.service.sensors import netft_client as netft
-from contactsense.service.sensors import rtde_client as rtde
+from contactsense.service.sensors.clients import netft_client as netft
+from contactsense.service.sensors.clients import rtde_client as rtde
 from contactsense.service.sensors.network_wrench import WrenchSource
 
 

@@ -20,8 +20,8 @@ from contactsense.service.cli.options.sensor_options import from_environment, se
 from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError
 from contactsense.service.recordings.free_motion import read_free_motion
 from contactsense.service.recordings.problem_lines import problem_lines
+from contactsense.service.sensors.clients.robot_stream import SensorError
 from contactsense.service.sensors.live_free_motion import read_live_motion
-from contactsense.service.sensors.robot_stream import SensorError
 from contactsense.setup_check import CheckError, Finding, Residuals, SetupCheck
 from contactsense.setup_check import check as run
 from contactsense.setup_check.result import FITS_BETTER

@@ -29,8 +29,8 @@ from contactsense.service.recordings.file_names import check_name
 from contactsense.service.recordings.problem_lines import problem_lines
 from contactsense.service.recordings.writing.recorder import Recorder
 from contactsense.service.recordings.writing.segment_writer import Rotation
+from contactsense.service.sensors.clients.robot_stream import SensorError, StreamHealth
 from contactsense.service.sensors.live_source import LiveSource
-from contactsense.service.sensors.robot_stream import SensorError, StreamHealth
 from contactsense.service.viewer.service_calls import LiveError, ServiceCalls
 
 

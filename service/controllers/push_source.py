@@ -12,8 +12,8 @@ from contactsense.service.controllers.framing import Unframer, frame
 from contactsense.service.controllers.pushed_readings import PushedReadings
 from contactsense.service.controllers.sample_message import MessageError, SampleDecoder, decode
 from contactsense.service.controllers.track_session import error_message
-from contactsense.service.sensors.plausibility import RecentCounts
-from contactsense.service.sensors.robot_stream import StreamHealth
+from contactsense.service.sensors.checks.plausibility import RecentCounts
+from contactsense.service.sensors.clients.robot_stream import StreamHealth
 from contactsense.service.sensors.source_health import SourceHealth
 from contactsense.types import Sample
 

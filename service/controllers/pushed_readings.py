@@ -1,8 +1,8 @@
 """Readings in pushed samples that cannot be measurements: those of a controller that repeats an old state, or
 of a sensor that is off.
 
-A robot's own packets are checked more strictly (`service/sensors/plausibility.py`). At rest pushed samples
-may repeat, and single values of them in motion as well: simulators without noise push theirs, too.
+A robot's own packets are checked more strictly (`service/sensors/checks/plausibility.py`). At rest pushed
+samples may repeat, and single values of them in motion as well: simulators without noise push theirs, too.
 """
 
 import time
@@ -14,16 +14,16 @@ from contactsense.scene import Scene
 from contactsense.sensors.link_values import as_fields, by_field
 from contactsense.service.controllers.sample_message import MessageError
 from contactsense.service.controllers.sample_times import SampleTimes
-from contactsense.service.sensors.plausibility import (
+from contactsense.service.sensors.checks.plausibility import (
     REST_SPEED,
     RecentCounts,
     RepeatCheck,
     RobotCheck,
     SensorEvent,
 )
-from contactsense.service.sensors.recent_trouble import WITHOUT_WRENCH
-from contactsense.service.sensors.stuck_channels import StuckChannels
-from contactsense.service.sensors.velocity_check import VelocityCheck
+from contactsense.service.sensors.checks.recent_trouble import WITHOUT_WRENCH
+from contactsense.service.sensors.checks.stuck_channels import StuckChannels
+from contactsense.service.sensors.checks.velocity_check import VelocityCheck
 from contactsense.types import Sample
 
 HELD = 0.0105

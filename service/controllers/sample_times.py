@@ -3,7 +3,7 @@
 import math
 
 from contactsense.service.controllers.sample_message import MessageError
-from contactsense.service.sensors.robot_stream import LATE, LATE_IN_A_ROW
+from contactsense.service.sensors.clients.robot_stream import LATE, LATE_IN_A_ROW
 
 
 class SampleTimes:

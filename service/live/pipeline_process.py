@@ -39,8 +39,8 @@ from contactsense.service.live.scheduling import PIPELINE, Scheduling, prefer_lo
 from contactsense.service.live.step_times import StepTimes
 from contactsense.service.process_argument import receive
 from contactsense.service.sensors import source_health
-from contactsense.service.sensors.netft_client import WrenchHealth
-from contactsense.service.sensors.robot_stream import SensorError, StreamHealth
+from contactsense.service.sensors.clients.netft_client import WrenchHealth
+from contactsense.service.sensors.clients.robot_stream import SensorError, StreamHealth
 from contactsense.service.wire.recipe import RtdeFieldError
 from contactsense.stream_localizer import kernels_of
 

@@ -9,8 +9,8 @@ import os
 import socket
 from collections.abc import Mapping, Sequence
 
-from contactsense.service.sensors.host_names import HostName
-from contactsense.service.sensors.robot_stream import SensorError
+from contactsense.service.sensors.clients.host_names import HostName
+from contactsense.service.sensors.clients.robot_stream import SensorError
 from contactsense.service.wire import rtde as wire
 
 _RETRY = 1.0

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from contactsense.service.sensors.plausibility import ReadingCheck
-from contactsense.service.sensors.robot_stream import RobotRecord
+from contactsense.service.sensors.checks.plausibility import ReadingCheck
+from contactsense.service.sensors.clients.robot_stream import RobotRecord
 from contactsense.service.sensors.time_alignment import Aligned
 
 _WIDEST = 0.02

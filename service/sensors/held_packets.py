@@ -3,8 +3,8 @@
 from collections import deque
 from collections.abc import Iterator
 
+from contactsense.service.sensors.clients.robot_stream import NS, RobotRecord
 from contactsense.service.sensors.field_wrench import SAME_INSTANT
-from contactsense.service.sensors.robot_stream import NS, RobotRecord
 
 _SILENCE = 0.05
 """A robot that has been silent for this long beyond the wait sends no later packets for now [s]."""

@@ -13,8 +13,8 @@ from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
 from contactsense.scene_model.sensor_delays import without_delays
 from contactsense.scene_model.wrench_map import WrenchMap
 from contactsense.sensors.link_values import by_field
+from contactsense.service.sensors.clients.robot_stream import SensorError
 from contactsense.service.sensors.live_source import LiveSource
-from contactsense.service.sensors.robot_stream import SensorError
 from contactsense.service.sensors.source_settings import SourceSettings
 from contactsense.types import Sample
 

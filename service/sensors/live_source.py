@@ -13,28 +13,28 @@ from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
 from contactsense.scene_model.sensor_delays import sensor_delays
 from contactsense.scene_model.wrench_map import WrenchMap
 from contactsense.sensors.link_values import as_fields
-from contactsense.service.sensors import rtde_client as rtde
-from contactsense.service.sensors.field_wrench import FieldWrench
-from contactsense.service.sensors.held_packets import HeldPackets
-from contactsense.service.sensors.netft_client import WrenchRecord
-from contactsense.service.sensors.network_wrench import NetworkWrench, Timing, WrenchSource
-from contactsense.service.sensors.plausibility import (
+from contactsense.service.sensors.checks.plausibility import (
     REPEAT_LIMIT,
     REST_SPEED,
     ReadingCheck,
     RecentCounts,
     RobotCheck,
 )
-from contactsense.service.sensors.recent_trouble import RecentTrouble
-from contactsense.service.sensors.robot_stream import RobotRecord, RobotStream, SensorError
-from contactsense.service.sensors.rtde_client import RtdeStream
+from contactsense.service.sensors.checks.recent_trouble import RecentTrouble
+from contactsense.service.sensors.checks.stuck_channels import ArmState
+from contactsense.service.sensors.checks.torque_check import TorqueCheck
+from contactsense.service.sensors.checks.velocity_check import VelocityCheck
+from contactsense.service.sensors.clients import rtde_client as rtde
+from contactsense.service.sensors.clients.netft_client import WrenchRecord
+from contactsense.service.sensors.clients.robot_stream import RobotRecord, RobotStream, SensorError
+from contactsense.service.sensors.clients.rtde_client import RtdeStream
+from contactsense.service.sensors.clients.ur_rtde_client import UrRtdeStream
+from contactsense.service.sensors.field_wrench import FieldWrench
+from contactsense.service.sensors.held_packets import HeldPackets
+from contactsense.service.sensors.network_wrench import NetworkWrench, Timing, WrenchSource
 from contactsense.service.sensors.signal_mapping import TorqueMap
 from contactsense.service.sensors.source_health import SourceHealth
 from contactsense.service.sensors.source_settings import SourceSettings
-from contactsense.service.sensors.stuck_channels import ArmState
-from contactsense.service.sensors.torque_check import TorqueCheck
-from contactsense.service.sensors.ur_rtde_client import UrRtdeStream
-from contactsense.service.sensors.velocity_check import VelocityCheck
 from contactsense.service.sensors.wrench_reader import WrenchReader, WrenchReading
 from contactsense.service.wire.recipe import Number
 from contactsense.service.wire.rtde_fields import OUTPUTS, WIDTHS

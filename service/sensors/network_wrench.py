@@ -5,11 +5,11 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from contactsense.service.sensors import netft_client as netft
-from contactsense.service.sensors.netft_client import NetFtStream, WrenchRecord
-from contactsense.service.sensors.plausibility import ReadingCheck
-from contactsense.service.sensors.recent_trouble import LOST_READINGS
-from contactsense.service.sensors.robot_stream import NS, RobotRecord
+from contactsense.service.sensors.checks.plausibility import ReadingCheck
+from contactsense.service.sensors.checks.recent_trouble import LOST_READINGS
+from contactsense.service.sensors.clients import netft_client as netft
+from contactsense.service.sensors.clients.netft_client import NetFtStream, WrenchRecord
+from contactsense.service.sensors.clients.robot_stream import NS, RobotRecord
 from contactsense.service.sensors.time_alignment import Aligned, Aligner
 
 _LOST = 0.75

@@ -8,7 +8,7 @@ import numpy as np
 
 from contactsense.scene import Scene
 from contactsense.sensors.settings import CURRENTS
-from contactsense.service.sensors.robot_stream import SensorError
+from contactsense.service.sensors.clients.robot_stream import SensorError
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from contactsense.service.sensors.netft_client import WrenchHealth
-from contactsense.service.sensors.robot_stream import StreamHealth
+from contactsense.service.sensors.clients.netft_client import WrenchHealth
+from contactsense.service.sensors.clients.robot_stream import StreamHealth
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 from numbers import Real
 from typing import Any, Literal
 
-from contactsense.service.sensors import netft_client as netft
-from contactsense.service.sensors import rtde_client as rtde
+from contactsense.service.sensors.clients import netft_client as netft
+from contactsense.service.sensors.clients import rtde_client as rtde
+from contactsense.service.sensors.clients.robot_stream import SensorError
 from contactsense.service.sensors.network_wrench import WrenchSource
-from contactsense.service.sensors.robot_stream import SensorError
 
 
 @dataclass(frozen=True, slots=True)

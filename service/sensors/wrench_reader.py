@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from contactsense.service.sensors.checks.plausibility import ReadingCheck
+from contactsense.service.sensors.clients.robot_stream import RobotRecord
 from contactsense.service.sensors.field_wrench import FieldWrench
 from contactsense.service.sensors.network_wrench import NetworkWrench
-from contactsense.service.sensors.plausibility import ReadingCheck
-from contactsense.service.sensors.robot_stream import RobotRecord
 
 
 class WrenchReading(NamedTuple):

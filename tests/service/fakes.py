@@ -6,7 +6,7 @@ import time
 import numpy as np
 
 from contactsense import Sample, Scene
-from contactsense.service.sensors.robot_stream import State, StreamHealth
+from contactsense.service.sensors.clients.robot_stream import State, StreamHealth
 from contactsense.service.sensors.source_health import SourceHealth
 from contactsense.service.wire.recipe import RtdeFieldError
 

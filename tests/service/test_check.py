@@ -24,8 +24,8 @@ from contactsense.service.mock.arm.simulated_arm import simulate
 from contactsense.service.mock.servers import MockServers, MockSettings
 from contactsense.service.recordings.export import write_columns
 from contactsense.service.recordings.free_motion import read_free_motion
+from contactsense.service.sensors.clients.robot_stream import SensorError
 from contactsense.service.sensors.live_free_motion import _free_motion
-from contactsense.service.sensors.robot_stream import SensorError
 from contactsense.service.sensors.source_settings import SourceSettings
 from contactsense.setup_check import Finding, Residuals, SetupCheck
 from contactsense.setup_check import check as run

@@ -14,7 +14,7 @@ from contactsense.scene_model.wrench_map import WrenchMap
 from contactsense.sensors.settings import per_joint
 from contactsense.service.mock.arm.script import Noise, Script, ScriptError
 from contactsense.service.mock.urscript.functions import REGISTERS
-from contactsense.service.sensors.robot_stream import SensorError
+from contactsense.service.sensors.clients.robot_stream import SensorError
 from contactsense.service.sensors.signal_mapping import torque_constants
 
 TORQUE_CONSTANTS = (10.0, 10.70, 8.46, 9.00, 9.48, 10.12)

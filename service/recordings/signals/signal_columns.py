@@ -14,7 +14,7 @@ from contactsense.service.recordings.metadata import (
 from contactsense.service.recordings.problems import Problem, RecordingError
 from contactsense.service.recordings.signals.column_mapping import ColumnMapping, expand
 from contactsense.service.recordings.tables.table import TableFile
-from contactsense.service.sensors.robot_stream import SensorError
+from contactsense.service.sensors.clients.robot_stream import SensorError
 from contactsense.service.sensors.signal_mapping import TorqueMap
 
 

@@ -1,8 +1,8 @@
 """Whether the joint velocities of a recording are those with which its joint positions change.
 
 The observers take what the motion needs for a contact where velocities are zero, of another unit or order, or
-where the times are not in seconds. `contactsense.service.sensors.velocity_check` judges single samples of a
-live stream, this a file as a whole.
+where the times are not in seconds. `contactsense.service.sensors.checks.velocity_check` judges single samples
+of a live stream, this a file as a whole.
 """
 
 from collections.abc import Sequence

@@ -16,8 +16,8 @@ from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
 from contactsense.sensors.link_values import by_field, column_of
 from contactsense.service.recordings.metadata import RAW, metadata
 from contactsense.service.recordings.writing.segment_writer import Rotation, SegmentWriter
-from contactsense.service.sensors.netft_client import WrenchRecord
-from contactsense.service.sensors.robot_stream import RobotRecord
+from contactsense.service.sensors.clients.netft_client import WrenchRecord
+from contactsense.service.sensors.clients.robot_stream import RobotRecord
 from contactsense.types import Sample
 
 _WRENCH_COLUMNS = ("tick", "arrival", *(f"base_wrench_{i}" for i in range(6)))

@@ -1,7 +1,7 @@
 """The time of a sensor's latest error: when it was last the case, also after recovery."""
 
 from contactsense.service.live.error_times import ErrorTimes
-from contactsense.service.sensors.robot_stream import StreamHealth
+from contactsense.service.sensors.clients.robot_stream import StreamHealth
 
 
 def test_it_is_that_of_the_last_moment_at_which_the_error_was_the_case() -> None:

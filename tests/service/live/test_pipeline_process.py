@@ -26,8 +26,8 @@ from contactsense.service.live.pipeline_connection import (
 )
 from contactsense.service.live.pipeline_process import ANOTHER_SOURCE, _as_message, run, work
 from contactsense.service.process_argument import packed
-from contactsense.service.sensors.netft_client import WrenchHealth
-from contactsense.service.sensors.robot_stream import State, StreamHealth
+from contactsense.service.sensors.clients.netft_client import WrenchHealth
+from contactsense.service.sensors.clients.robot_stream import State, StreamHealth
 from contactsense.service.sensors.source_health import SourceHealth
 from tests.service import fakes
 from tests.service.loopback import until

@@ -13,7 +13,7 @@ from contactsense.service.recordings import ColumnMapping, RecordingError, Recor
 from contactsense.service.recordings.export import export, write_columns
 from contactsense.service.recordings.writing.recorder import Recorder
 from contactsense.service.recordings.writing.sample_rows import SampleRows
-from contactsense.service.sensors.robot_stream import RobotRecord
+from contactsense.service.sensors.clients.robot_stream import RobotRecord
 from contactsense.types import Estimate
 
 N = 40

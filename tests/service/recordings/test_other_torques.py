@@ -11,7 +11,7 @@ from contactsense.service.recordings import read
 from contactsense.service.recordings.metadata import metadata
 from contactsense.service.recordings.writing.recorder import Recorder
 from contactsense.service.recordings.writing.segment_writer import SegmentWriter
-from contactsense.service.sensors.robot_stream import RobotRecord
+from contactsense.service.sensors.clients.robot_stream import RobotRecord
 from tests.service.recordings.recorded_tables import TORQUES, as_parquet, columns, table
 
 N = 20

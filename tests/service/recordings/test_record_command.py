@@ -19,7 +19,7 @@ from contactsense.service.live.scheduling import RECORDER
 from contactsense.service.mock.arm.script import Script
 from contactsense.service.mock.arm.simulated_arm import Motion, simulate
 from contactsense.service.recordings import read
-from contactsense.service.sensors.robot_stream import SensorError, StreamHealth
+from contactsense.service.sensors.clients.robot_stream import SensorError, StreamHealth
 from tests.service.loopback import own_address
 from tests.service.simulated_devices import SimulatedDevices, in_own_process
 from tests.service.test_commands import run

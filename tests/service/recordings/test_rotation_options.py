@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from contactsense.service.cli import record
 from contactsense.service.recordings.writing import segment_writer
 from contactsense.service.recordings.writing.recorder import Recorder
-from contactsense.service.sensors.robot_stream import RobotRecord, StreamHealth
+from contactsense.service.sensors.clients.robot_stream import RobotRecord, StreamHealth
 from contactsense.service.sensors.source_health import SourceHealth
 
 COLUMNS = 100

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from contactsense.service.sensors.checks.plausibility import ReadingCheck, RecentCounts
+from contactsense.service.sensors.checks.stuck_channels import ArmState
+from contactsense.service.sensors.clients.robot_stream import RobotRecord
 from contactsense.service.sensors.field_wrench import FieldWrench
-from contactsense.service.sensors.plausibility import ReadingCheck, RecentCounts
-from contactsense.service.sensors.robot_stream import RobotRecord
-from contactsense.service.sensors.stuck_channels import ArmState
 
 SLICES = {"force": slice(0, 3), "moment": slice(3, 6)}
 

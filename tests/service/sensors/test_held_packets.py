@@ -2,8 +2,8 @@
 
 import pytest
 
+from contactsense.service.sensors.clients.robot_stream import NS, RobotRecord
 from contactsense.service.sensors.held_packets import HeldPackets
-from contactsense.service.sensors.robot_stream import NS, RobotRecord
 
 
 def packet(t: float, arrival: float | None = None) -> RobotRecord:

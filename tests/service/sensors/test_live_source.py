@@ -15,9 +15,9 @@ from contactsense.service.mock.interfaces.netft_server import NetFtServer
 from contactsense.service.mock.interfaces.rtde_fields import Controller
 from contactsense.service.mock.playback import Playback, PlaybackWrench
 from contactsense.service.mock.servers import MockServers
+from contactsense.service.sensors.clients.robot_stream import SensorError
 from contactsense.service.sensors.live_source import LiveSource
 from contactsense.service.sensors.network_wrench import WrenchSource
-from contactsense.service.sensors.robot_stream import SensorError
 from contactsense.service.sensors.source_settings import SourceSettings
 from contactsense.service.wire.recipe import RtdeFieldError
 from tests.service.loopback import own_address, until

@@ -10,9 +10,9 @@ import pytest
 
 from contactsense.service.mock.interfaces.netft_server import NetFtServer
 from contactsense.service.mock.playback import SimClock
-from contactsense.service.sensors import host_names
-from contactsense.service.sensors.netft_client import NetFtStream
-from contactsense.service.sensors.robot_stream import SensorError
+from contactsense.service.sensors.clients import host_names
+from contactsense.service.sensors.clients.netft_client import NetFtStream
+from contactsense.service.sensors.clients.robot_stream import SensorError
 from tests.service.loopback import own_address, until
 
 COUNTS = (1e6, 1e6)

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from contactsense.service.sensors.netft_client import NetFtStream
+from contactsense.service.sensors.clients.netft_client import NetFtStream
 from tests.service.loopback import until
 
 RDT_PORT = 49_152

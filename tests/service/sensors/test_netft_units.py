@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 from pynetft import ForceUnit, TorqueUnit
 
-from contactsense.service.sensors.netft_client import NetFtStream, WrenchRecord
+from contactsense.service.sensors.clients.netft_client import NetFtStream, WrenchRecord
 
 # NIST Special Publication 811 (2008), appendix B.8.
 NEWTONS = {

@@ -9,12 +9,13 @@ import numpy as np
 import pynetft
 import pytest
 
-from contactsense.service.sensors import netft_client, network_wrench
-from contactsense.service.sensors.netft_client import NetFtStream, WrenchRecord
+from contactsense.service.sensors import network_wrench
+from contactsense.service.sensors.checks.plausibility import ReadingCheck, RecentCounts, SensorEvent
+from contactsense.service.sensors.checks.stuck_channels import ArmState
+from contactsense.service.sensors.clients import netft_client
+from contactsense.service.sensors.clients.netft_client import NetFtStream, WrenchRecord
+from contactsense.service.sensors.clients.robot_stream import RobotRecord
 from contactsense.service.sensors.network_wrench import NetworkWrench, Timing, WrenchSource
-from contactsense.service.sensors.plausibility import ReadingCheck, RecentCounts, SensorEvent
-from contactsense.service.sensors.robot_stream import RobotRecord
-from contactsense.service.sensors.stuck_channels import ArmState
 from contactsense.service.sensors.time_alignment import Aligned
 from contactsense.service.sensors.wrench_reader import WrenchReader
 

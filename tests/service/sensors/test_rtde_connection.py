@@ -10,9 +10,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from contactsense.service.sensors import rtde_client
-from contactsense.service.sensors.robot_stream import NS, SensorError
-from contactsense.service.sensors.rtde_client import RtdeConnection
+from contactsense.service.sensors.clients import rtde_client
+from contactsense.service.sensors.clients.robot_stream import NS, SensorError
+from contactsense.service.sensors.clients.rtde_client import RtdeConnection
 from contactsense.service.wire import rtde as wire
 
 NAMES = ("timestamp", "actual_q")

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from contactsense import robots
 from contactsense.scene import JointTorqueSensor, Scene, WrenchSensor
 from contactsense.scene_model.wrench_map import WrenchMap
-from contactsense.service.sensors.robot_stream import SensorError
+from contactsense.service.sensors.clients.robot_stream import SensorError
 from contactsense.service.sensors.signal_mapping import TorqueMap
 
 number = st.floats(-3.0, 3.0)

@@ -2,8 +2,8 @@
 
 import pytest
 
-from contactsense.service.sensors.netft_client import WrenchHealth
-from contactsense.service.sensors.robot_stream import StreamHealth
+from contactsense.service.sensors.clients.netft_client import WrenchHealth
+from contactsense.service.sensors.clients.robot_stream import StreamHealth
 from contactsense.service.sensors.source_health import SourceHealth
 
 

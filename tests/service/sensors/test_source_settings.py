@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from contactsense.service.sensors.clients.robot_stream import SensorError
 from contactsense.service.sensors.network_wrench import WrenchSource
-from contactsense.service.sensors.robot_stream import SensorError
 from contactsense.service.sensors.source_settings import SourceSettings
 
 

@@ -12,15 +12,15 @@ from contextlib import suppress
 from functools import partial
 from typing import TypeVar
 
-from contactsense.service.sensors.host_names import HostName
-from contactsense.service.sensors.robot_stream import (
+from contactsense.service.sensors.clients.host_names import HostName
+from contactsense.service.sensors.clients.robot_stream import (
     Backoff,
     LossCounter,
     RobotRecord,
     SensorError,
     StreamHealth,
 )
-from contactsense.service.sensors.silence_timer import SilenceTimer
+from contactsense.service.sensors.clients.silence_timer import SilenceTimer
 from contactsense.service.wire import rtde as wire
 
 DEFAULT_PORT = 30004

@@ -19,9 +19,9 @@ from contactsense.sensors.force_units import (
     POUND_FORCE_FOOT,
     POUND_FORCE_INCH,
 )
-from contactsense.service.sensors import receive_buffer
-from contactsense.service.sensors.host_names import HostName
-from contactsense.service.sensors.robot_stream import Backoff, SensorError, State
+from contactsense.service.sensors.clients import receive_buffer
+from contactsense.service.sensors.clients.host_names import HostName
+from contactsense.service.sensors.clients.robot_stream import Backoff, SensorError, State
 
 DEFAULT_PORT = 49152
 DEFAULT_HTTP_PORT = 80

@@ -9,8 +9,8 @@ import pytest
 
 from contactsense.service.mock.interfaces.netft_server import NetFtServer
 from contactsense.service.mock.playback import SimClock
-from contactsense.service.sensors import netft_client, receive_buffer
-from contactsense.service.sensors.netft_client import NetFtStream
+from contactsense.service.sensors.clients import netft_client, receive_buffer
+from contactsense.service.sensors.clients.netft_client import NetFtStream
 from tests.service.loopback import own_address, until
 
 pytestmark = pytest.mark.skipif(not os.path.isdir("/dev/fd"), reason="sockets cannot be found here")

@@ -3,8 +3,8 @@
 from collections import Counter
 from collections.abc import Hashable
 
-from contactsense.service.sensors.held_share import HeldShare
-from contactsense.service.sensors.plausibility import Event, SensorEvent
+from contactsense.service.sensors.checks.held_share import HeldShare
+from contactsense.service.sensors.checks.plausibility import Event, SensorEvent
 
 SHARE = 0.02
 """A smaller fraction of lost, repeated or late packets is not reported."""

@@ -5,10 +5,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from contactsense.service.sensors import rtde_client
-from contactsense.service.sensors.robot_stream import NS
-from contactsense.service.sensors.rtde_client import RtdeStream
-from contactsense.service.sensors.silence_timer import SilenceTimer
+from contactsense.service.sensors.clients import rtde_client
+from contactsense.service.sensors.clients.robot_stream import NS
+from contactsense.service.sensors.clients.rtde_client import RtdeStream
+from contactsense.service.sensors.clients.silence_timer import SilenceTimer
 from tests.service.loopback import rtde_server, until
 
 

@@ -5,9 +5,9 @@ import time
 
 import pytest
 
-from contactsense.service.sensors.host_names import HostName
-from contactsense.service.sensors.robot_stream import SensorError
-from contactsense.service.sensors.rtde_client import RtdeStream
+from contactsense.service.sensors.clients.host_names import HostName
+from contactsense.service.sensors.clients.robot_stream import SensorError
+from contactsense.service.sensors.clients.rtde_client import RtdeStream
 from tests.service.loopback import until
 
 
@@ -40,7 +40,7 @@ def test_a_resolver_that_does_not_answer_holds_up_nobody(monkeypatch):
         raise socket.gaierror(-3, "Temporary failure in name resolution")
 
     monkeypatch.setattr(socket, "getaddrinfo", mute)
-    monkeypatch.setattr("contactsense.service.sensors.host_names.PATIENCE", 0.3)
+    monkeypatch.setattr("contactsense.service.sensors.clients.host_names.PATIENCE", 0.3)
     stream = RtdeStream("robot.cell", ("actual_q",))
     longest = 0.0
     deadline = time.monotonic() + 5.0

@@ -1,8 +1,8 @@
 """A share that is large now and then is told all the time, not every second anew; a fault that is over is
 not."""
 
-from contactsense.service.sensors.held_share import HOLD, HeldShare
-from contactsense.service.sensors.robot_stream import StreamHealth
+from contactsense.service.sensors.checks.held_share import HOLD, HeldShare
+from contactsense.service.sensors.clients.robot_stream import StreamHealth
 from contactsense.service.sensors.source_health import SourceHealth
 
 LIMIT = 0.05

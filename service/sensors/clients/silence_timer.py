@@ -5,7 +5,7 @@ What was sent waits in its queues, and is there a moment after it goes on: such 
 sensor.
 """
 
-from contactsense.service.sensors.robot_stream import NS
+from contactsense.service.sensors.clients.robot_stream import NS
 
 _LATE = 0.1
 """If a look takes longer by more than this than it was to wait, the rest is our own delay [s]."""

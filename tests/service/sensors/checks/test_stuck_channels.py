@@ -5,8 +5,8 @@ import copy
 import numpy as np
 import pytest
 
-from contactsense.service.sensors.plausibility import REST_SPEED
-from contactsense.service.sensors.stuck_channels import (
+from contactsense.service.sensors.checks.plausibility import REST_SPEED
+from contactsense.service.sensors.checks.stuck_channels import (
     LEAST_SEEN,
     NEVER_CHANGED,
     STUCK_READINGS,

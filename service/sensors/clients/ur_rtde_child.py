@@ -1,8 +1,8 @@
 """The process in which ur_rtde's receive interface runs; it may abort or hang without affecting its parent.
 
-Started by `contactsense.service.sensors.ur_rtde_client`. Arguments: a socket's descriptor, host, frequency,
-field names. Sends datagrams on the socket: `S` once it has started, `R` and doubles for a record, `E` and
-text for a failure.
+Started by `contactsense.service.sensors.clients.ur_rtde_client`. Arguments: a socket's descriptor, host,
+frequency, field names. Sends datagrams on the socket: `S` once it has started, `R` and doubles for a record,
+`E` and text for a failure.
 """
 
 import ctypes

@@ -15,15 +15,15 @@ import time
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, suppress
 
-from contactsense.service.sensors.robot_stream import (
+from contactsense.service.sensors.clients.robot_stream import (
     Backoff,
     LossCounter,
     RobotRecord,
     SensorError,
     StreamHealth,
 )
-from contactsense.service.sensors.silence_timer import SilenceTimer
-from contactsense.service.sensors.ur_rtde_child import GETTERS, HEAD, STARTED
+from contactsense.service.sensors.clients.silence_timer import SilenceTimer
+from contactsense.service.sensors.clients.ur_rtde_child import GETTERS, HEAD, STARTED
 from contactsense.service.wire.recipe import Recipe
 from contactsense.service.wire.rtde_fields import OUTPUTS
 
@@ -126,7 +126,7 @@ class UrRtdeStream:
                 of_the_child.enter_context(theirs)
                 self._stderr, child_stderr = os.pipe()
                 of_the_child.callback(os.close, child_stderr)
-                command = [sys.executable, "-m", "contactsense.service.sensors.ur_rtde_child"]
+                command = [sys.executable, "-m", "contactsense.service.sensors.clients.ur_rtde_child"]
                 command += [str(theirs.fileno()), self._host, str(self._frequency), *self._fields]
                 self._child = subprocess.Popen(
                     command,

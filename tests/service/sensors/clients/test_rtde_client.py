@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from contactsense.service.mock.interfaces.wire_faults import Fault
-from contactsense.service.sensors.robot_stream import Backoff, SensorError
-from contactsense.service.sensors.rtde_client import RtdeConnection, RtdeStream
+from contactsense.service.sensors.clients.robot_stream import Backoff, SensorError
+from contactsense.service.sensors.clients.rtde_client import RtdeConnection, RtdeStream
 from contactsense.service.wire import rtde as wire
 from tests.service.loopback import FEED, peer, rtde_server, until
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contactsense.service.sensors.stuck_channels import ArmState, StuckChannels
+from contactsense.service.sensors.checks.stuck_channels import ArmState, StuckChannels
 
 REPEAT_LIMIT = 0.04
 """A noisy signal that has repeated all its values for longer than this is reported as frozen [s]."""

@@ -4,8 +4,13 @@ import time
 
 import numpy as np
 
-from contactsense.service.sensors.plausibility import REPEAT_LIMIT, RecentCounts, RepeatCheck, SensorEvent
-from contactsense.service.sensors.stuck_channels import ArmState, StuckChannels
+from contactsense.service.sensors.checks.plausibility import (
+    REPEAT_LIMIT,
+    RecentCounts,
+    RepeatCheck,
+    SensorEvent,
+)
+from contactsense.service.sensors.checks.stuck_channels import ArmState, StuckChannels
 from contactsense.service.wire.recipe import Number
 
 _SCALE = 1.5

@@ -4,7 +4,13 @@ import math
 
 import pytest
 
-from contactsense.service.sensors.robot_stream import NS, Backoff, LossCounter, RobotRecord, StreamHealth
+from contactsense.service.sensors.clients.robot_stream import (
+    NS,
+    Backoff,
+    LossCounter,
+    RobotRecord,
+    StreamHealth,
+)
 
 
 def count(*stamps, period=0.002, late=0.0):

@@ -5,7 +5,7 @@ import socket
 import threading
 import time
 
-from contactsense.service.sensors.robot_stream import SensorError
+from contactsense.service.sensors.clients.robot_stream import SensorError
 
 PATIENCE = 2.0
 """A lookup that takes longer than this is reported [s]."""

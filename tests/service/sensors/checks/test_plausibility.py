@@ -6,15 +6,15 @@ import time
 import numpy as np
 import pytest
 
-from contactsense.service.sensors.plausibility import (
+from contactsense.service.sensors.checks.plausibility import (
     ReadingCheck,
     RecentCounts,
     RepeatCheck,
     RobotCheck,
     SensorEvent,
 )
-from contactsense.service.sensors.recent_trouble import RecentTrouble
-from contactsense.service.sensors.stuck_channels import ArmState
+from contactsense.service.sensors.checks.recent_trouble import RecentTrouble
+from contactsense.service.sensors.checks.stuck_channels import ArmState
 
 TIMES = np.arange(0.0, 0.2, 0.002)
 LIMITS = np.full(6, np.pi)

@@ -9,8 +9,8 @@ from unittest.mock import Mock
 import pytest
 
 from contactsense.service.mock.interfaces.wire_faults import Fault
-from contactsense.service.sensors.robot_stream import Backoff, SensorError
-from contactsense.service.sensors.ur_rtde_client import UrRtdeStream
+from contactsense.service.sensors.clients.robot_stream import Backoff, SensorError
+from contactsense.service.sensors.clients.ur_rtde_client import UrRtdeStream
 from tests.service.loopback import FEED, own_address, rtde_server, until
 from tests.service.ur_rtde import ur_rtde_installed
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from contactsense.service.sensors.plausibility import RobotCheck
-from contactsense.service.sensors.velocity_check import REST, VelocityCheck
+from contactsense.service.sensors.checks.plausibility import RobotCheck
+from contactsense.service.sensors.checks.velocity_check import REST, VelocityCheck
 from tests.shared import shared
 
 LATE = 0.01
