@@ -9,8 +9,8 @@ from contactsense.setup_check.lines import Line
 Verdict = Literal["fits", "does_not_fit", "cannot_tell"]
 """What the motion says of a line: it fits, another value fits better, or the motion does not determine it."""
 FITS_BETTER = "another value fits better, though not clearly"
-"""Begins the remark on an undetermined line of which a value fits better, by less than is needed to propose
-it; the value follows."""
+"""Begins the remark on an undetermined line of which another value fits better, by less than is needed to
+propose it; the value follows."""
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from contactsense.setup_check.terms.instants import instants
 
 FROZEN, AT_RANGE = "its readings stay the same", "the sensor is at its range"
 """Why a sensor is not used."""
-_MIN_ROWS = 8
+_MIN_ROWS = 7
 """Fewer instants are not enough."""
 
 
@@ -52,7 +52,7 @@ def check_usable(
         raise CheckError(
             f"{recordings[0].name}: expected joint torques or base wrenches as in the scene, got neither"
         )
-    if sum(len(at.samples) for at in instants(parts)) < _MIN_ROWS:
+    if sum(len(at.nodes) for at in instants(parts)) < _MIN_ROWS:
         seconds = sum(part.seconds for part in recordings)
         raise CheckError(
             f"{recordings[0].name}: expected at least 3 s without gaps above {GAP} s, got {seconds:.2g} s"

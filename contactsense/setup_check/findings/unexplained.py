@@ -4,11 +4,11 @@ import numpy as np
 
 from contactsense.robots.torque_scale import torque_scales
 from contactsense.scene import Scene
-from contactsense.setup_check.fit.fitter import Fit, Fitter
+from contactsense.setup_check.fit.fitter.fitter import Fit, Fitter
 from contactsense.setup_check.lines import label, wrench_fields
 from contactsense.setup_check.terms.motion_basis import Readings
 
-_NOISE_FACTOR, _SHARE = 5.0, 0.3
+_NOISE_FACTOR, _SHARE = 7.5, 0.3
 """A signal is unexplained if its residual exceeds its noise by this factor, this share of its own variation,
 and `UNEXPLAINED_SHARE`."""
 UNEXPLAINED_SHARE = 0.03

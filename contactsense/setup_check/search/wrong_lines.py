@@ -3,7 +3,7 @@
 Every hypothesis changes one line and is fitted with all nuisances. The best of them is accepted if the
 evidence for it is strong and its change matters; the search then continues from the corrected setup, as
 several lines may be wrong. Two lines or more are exchanged for others, see
-`contactsense.setup_check.search.explanation`; where one line or none leaves residuals far beyond the noise,
+`contactsense.setup_check.search.wrong_lines.explanation`; where one line or none leaves residuals far beyond the noise,
 pairs are tried.
 """
 
@@ -12,14 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from contactsense.setup_check.fit.fitter import Fit, Fitter
-from contactsense.setup_check.hypotheses.all_hypotheses import Hypotheses
-from contactsense.setup_check.hypotheses.hypothesis import Hypothesis
+from contactsense.setup_check.fit.fitter.fitter import Fit, Fitter
+from contactsense.setup_check.hypotheses.all_hypotheses.all_hypotheses import Hypotheses
+from contactsense.setup_check.hypotheses.all_hypotheses.hypothesis import Hypothesis
 from contactsense.setup_check.lines import Line
-from contactsense.setup_check.search.candidate import Candidate
-from contactsense.setup_check.search.change import Change
-from contactsense.setup_check.search.changes import matters
-from contactsense.setup_check.search.explanation import (
+from contactsense.setup_check.search.wrong_lines.candidate import Candidate
+from contactsense.setup_check.search.wrong_lines.change import Change
+from contactsense.setup_check.search.wrong_lines.changes import matters
+from contactsense.setup_check.search.wrong_lines.explanation import (
     EXCLUDED,
     Explanation,
     change_of,
@@ -37,9 +37,9 @@ _ROUNDS = 5
 _FIRSTS, _MORE_FIRSTS = 3, 6
 """Lines from which pairs are tried, besides two that were found one by one; and where nothing else explains.
 """
-_FAR = 20.0
+_FAR = 30.0
 """Residuals are far beyond the noise if that of a channel exceeds the scene's noise by this factor: those of
-the motor currents of a real arm and a right scene exceed it by up to 19. This is for the time: with 6,
+the motor currents of a real arm and a right scene exceed it by up to 28. This is for the time: with 9,
 `contactsense bench setup` reports no line of a right scene either."""
 
 
@@ -63,7 +63,7 @@ def searched(fitter: Fitter, hypotheses: Hypotheses, stated: Setup, progress: Ca
         progress(f"round {number + 1}")
         fitter.effective[:] = 1.0
         now = fitter.fit(setup)
-        # As in `contactsense.setup_check.search.explanation`, where something else is wrong already.
+        # As in `contactsense.setup_check.search.wrong_lines.explanation`, where something else is wrong already.
         tried = [h for h in hypotheses.of(setup) if not (found is not None and h.absorbed)]
         candidates = [
             Candidate.of(fitter, h) for h in tried if h.second_line is None or _promises(fitter, h, now)

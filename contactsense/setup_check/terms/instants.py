@@ -1,4 +1,10 @@
-"""Which samples of recordings are compared: instants far enough apart, with nodes about each."""
+"""Where recordings are compared: at instants far enough apart, with nodes about each.
+
+Values at a node are means over the time between two instants. The low-pass filter does not take away the
+noise of the velocities: as momentum it is in the filter's output at once, sample by sample. Its mean over so
+many samples is small, and readings and model have the same mean. Otherwise the noise of a real arm's
+velocities (0.001 rad/s and more) would hide what a sensor with little noise tells.
+"""
 
 from dataclasses import dataclass
 
@@ -6,20 +12,25 @@ import numpy as np
 
 from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.residuals.recording_residuals import GAP
+from contactsense.residuals.momentum_observer import noise_variance_ratio
 
 BANDWIDTH = 2.0
 """Cut-off frequency of the filter [Hz]: slow motion lies below it, most of the noise above."""
 _INTERVAL = 0.25
 """Time between rows [s], three time constants of the filter: white noise is nearly independent between them.
 """
+_NODE_INTERVAL = 0.05
+"""Time between the nodes about an instant [s]."""
+_AVERAGED = 2
+"""Intervals of nodes before and after that of a node over which its values are means, besides its own."""
+_AVERAGED_TIME = (2 * _AVERAGED + 1) * _NODE_INTERVAL
+"""The same [s]; no longer than `_INTERVAL`, so that successive instants share no sample."""
 _SETTLING = 12.0
 """Time constants until the filter has forgotten its start: even a bias of a thousand newtons."""
 SETTLING_TIME = _SETTLING / (2.0 * np.pi * BANDWIDTH)
 """The same [s]."""
 _MOTION_INTERVAL = 0.02
 """The motion is followed at steps of at most this length, or of one sample [s]."""
-_NODE_INTERVAL = 0.05
-"""Time between the nodes about an instant [s]."""
 MIDDLE = 2
 """Place of the instant itself among its nodes."""
 _MAX_ROWS = 400
@@ -28,22 +39,39 @@ _MAX_ROWS = 400
 
 @dataclass(frozen=True)
 class Instants:
-    """Which samples of one recording are used."""
+    """The M instants of one recording."""
 
     motion: np.ndarray
     """Indices of the samples at which the motion is followed, shape (K,): it is smooth, unlike the readings.
     """
-    keep: slice
-    """All nodes, among those samples."""
+    start: int
+    """The first of those samples that is used."""
+    stride: int
+    """How many of them make an interval between two nodes."""
     nodes: np.ndarray
-    """Indices of the nodes of each instant within `keep`, shape (M, 5): two before it, itself, two after."""
-    samples: np.ndarray
-    """Index of each instant's sample in the recording, shape (M,)."""
+    """Numbers of the intervals at the nodes of each instant, shape (M, 5): two before it, its own, two after.
+    """
+
+    @property
+    def intervals(self) -> int:
+        """Number of intervals."""
+        return (len(self.motion) - self.start) // self.stride
+
+    def averages(self, means: np.ndarray) -> np.ndarray:
+        """Values at the nodes, shape (M, 5, ...), from the means over each interval, shape (N, ...)."""
+        near = range(-_AVERAGED, _AVERAGED + 1)
+        return np.asarray(sum(means[self.nodes + k] for k in near) / len(near))
+
+    def averages_of(self, values: np.ndarray) -> np.ndarray:
+        """The same from the values at all samples of the recording."""
+        end = self.start + self.intervals * self.stride
+        used = values[self.motion[self.start : end]]
+        return self.averages(used.reshape(self.intervals, self.stride, *values.shape[1:]).mean(axis=1))
 
     def node_times(self, t: np.ndarray) -> np.ndarray:
         """Times of the nodes after the instant, shape (M, 5) [s]; `t`: those of the recording, shape (N,)."""
-        times = t[self.motion][self.keep]
-        return np.asarray(times[self.nodes] - times[self.nodes[:, MIDDLE]][:, None])
+        times = self.averages_of(t)
+        return np.asarray(times - times[:, MIDDLE, None])
 
 
 def instants(recordings: list[FreeMotion]) -> list[Instants]:
@@ -55,11 +83,18 @@ def instants(recordings: list[FreeMotion]) -> list[Instants]:
         t = part.t[motion]
         start = int(np.searchsorted(t, t[0] + SETTLING_TIME))
         stride = max(1, round(_NODE_INTERVAL / float(np.median(np.diff(t)))))
-        count = len(range(start, len(t), stride))
-        middle = np.arange(MIDDLE, count - MIDDLE, max(1, round(interval / _NODE_INTERVAL)))
-        nodes = middle[:, None] + np.arange(-MIDDLE, MIDDLE + 1)
-        found.append(Instants(motion, slice(start, None, stride), nodes, motion[start + stride * middle]))
+        margin, count = MIDDLE + _AVERAGED, (len(t) - start) // stride
+        middle = np.arange(margin, count - margin, max(1, round(interval / _NODE_INTERVAL)))
+        found.append(Instants(motion, start, stride, middle[:, None] + np.arange(-MIDDLE, MIDDLE + 1)))
     return found
+
+
+def averaged_noise(dt: float) -> float:
+    """Variance of white noise in the values at a node over that of single samples, which are `dt` [s] apart:
+    that of the filter, then of its mean, as if it were that of a continuous signal."""
+    ratio = 2.0 * np.pi * BANDWIDTH * _AVERAGED_TIME
+    mean = 2.0 / ratio * (1.0 - (1.0 - np.exp(-ratio)) / ratio)
+    return float(noise_variance_ratio(BANDWIDTH, dt) * mean)
 
 
 def at_delay(terms: np.ndarray, nodes: np.ndarray, delay: float) -> np.ndarray:

@@ -19,11 +19,10 @@ from contactsense.kinematics.model import Model, Motion
 from contactsense.kinematics.momenta import kinematics_and_momenta
 from contactsense.kinematics.regressor import PARAMETERS, WEIGHTS, body_regressor
 from contactsense.residuals.momentum_observer import advance_all, start_step
-from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import inlined_kernel, kernel
 from contactsense.robots.vectors import Vector, add_cross, cross, rotate_back, subtract, vector
 from contactsense.setup_check.terms.instants import BANDWIDTH, Instants, at_delay
-from contactsense.setup_check.terms.observed_motion import Equations, Kept, at_nodes, node_times
+from contactsense.setup_check.terms.observed_motion import Equations, Kept, at_nodes, keep, node_times
 
 _PER_BODY = 6 * PARAMETERS + 3 * 3 * WEIGHTS
 """Equations of one body."""
@@ -37,7 +36,7 @@ class LoadTerms:
     bodies: int
     """K."""
     values: np.ndarray
-    """The observer's residuals for each of E equations (see `_fill`), at the five nodes about each
+    """The observer's residuals for each of E equations (see `_fill`), averaged at the five nodes about each
     instant, shape (M, 5, E): the wrench on the sensor with the opposite sign."""
     nodes: np.ndarray
     """Times of the nodes after the instants [s], shape (M, 5)."""
@@ -98,15 +97,12 @@ def _observe(
     equations: Equations,
     kept: Kept,
 ) -> None:
-    row = 0
     for i in range(joints.t.shape[0]):
         step = start_step(equations.observer, time_step(joints.t, i), bandwidth)
         kinematics_and_momenta(model, joints.q[i], joints.qd[i], equations.weightless, equations.motion)
         _fill(equations, body, relative)
         advance_all(equations.observer, equations.momentum, equations.drift, step)
-        if i >= kept.start and (i - kept.start) % kept.stride == 0:
-            copy(equations.observer.residual, kept.residual[row])
-            row += 1
+        keep(kept, equations.observer.residual, i)
 
 
 @kernel

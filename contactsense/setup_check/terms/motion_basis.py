@@ -15,12 +15,11 @@ from contactsense.calibration.calibration_model import CalibrationModel
 from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.residuals.recording_residuals import residuals
 from contactsense.kinematics.model import Model
-from contactsense.residuals.momentum_observer import noise_variance_ratio
 from contactsense.scene import JointTorqueSensor, Scene, WrenchSensor
 from contactsense.scene_model.arm_model import model_with_tool
 from contactsense.setup_check.lines import wrench_fields
 from contactsense.setup_check.setup import Order, in_order
-from contactsense.setup_check.terms.instants import BANDWIDTH, Instants, instants
+from contactsense.setup_check.terms.instants import BANDWIDTH, MIDDLE, Instants, averaged_noise, instants
 from contactsense.setup_check.terms.joint_terms import JointTerms
 from contactsense.setup_check.terms.load_terms import LoadTerms
 
@@ -116,14 +115,14 @@ class MotionBases:
 
 @dataclass(frozen=True)
 class Readings:
-    """Filtered readings at the instants of a `MotionBasis`, as they were read under the scene."""
+    """Filtered and averaged readings at the instants of a `MotionBasis`, as read under the scene."""
 
     torque: np.ndarray | None
     """Joint torques, shape (M, n) [Nm]; None unless scene and every recording have them."""
     wrenches: Mapping[str, np.ndarray]
     """Of each force/torque sensor that scene and every recording have, by field, shape (M, 6) [N, Nm]."""
     variance_ratio: float
-    """Variance of filtered over that of single samples, for white noise."""
+    """Variance of white noise in them over that in single samples."""
 
     @classmethod
     def of(cls, scene: Scene, recordings: list[FreeMotion]) -> Self:
@@ -135,7 +134,8 @@ class Readings:
             """Of the joints, and of one force/torque sensor."""
             alone = [replace(part, reading=part.readings.get(field)) for part in recordings]
             pairs = zip(alone, places, strict=True)
-            return np.concatenate([residuals(arm, part, BANDWIDTH)[at.samples] for part, at in pairs])
+            found = [at.averages_of(residuals(arm, part, BANDWIDTH))[:, MIDDLE] for part, at in pairs]
+            return np.concatenate(found)
 
         torque = scene.joint_torque is not None and all(part.torque is not None for part in recordings)
         dt = float(np.median(np.concatenate([np.diff(part.t) for part in recordings])))
@@ -146,7 +146,7 @@ class Readings:
                 for field in wrench_fields(scene)
                 if all(field in part.readings for part in recordings)
             },
-            noise_variance_ratio(BANDWIDTH, dt),
+            averaged_noise(dt),
         )
 
 

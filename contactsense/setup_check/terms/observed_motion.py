@@ -11,6 +11,7 @@ from contactsense.calibration.residuals.recording_residuals import JointMotion
 from contactsense.kinematics.model import Motion, empty_motion
 from contactsense.kinematics.regressor import PARAMETERS
 from contactsense.residuals.momentum_observer import MomentumObserver, empty_observer
+from contactsense.robots.jit.kernel import inlined_kernel
 from contactsense.setup_check.terms.instants import Instants
 
 
@@ -33,14 +34,24 @@ class Equations(NamedTuple):
 
 
 class Kept(NamedTuple):
-    """The samples whose residuals are kept."""
+    """Means of the residuals over N intervals."""
 
     start: int
-    """The first of them."""
+    """The first sample of the first."""
     stride: int
-    """Samples from one to the next."""
+    """Samples of each."""
     residual: np.ndarray
-    """Filled, shape (N, E)."""
+    """Zeros at first, shape (N, E)."""
+
+
+@inlined_kernel
+def keep(kept: Kept, residual: np.ndarray, i: int) -> None:
+    """Add the residuals at sample i, shape (E,), to the mean of its interval."""
+    k = (i - kept.start) // kept.stride
+    if i >= kept.start and k < kept.residual.shape[0]:
+        mean, share = kept.residual[k], 1.0 / kept.stride
+        for e in range(residual.shape[0]):
+            mean[e] += share * residual[e]
 
 
 def at_nodes(
@@ -50,7 +61,7 @@ def at_nodes(
     instants: list[Instants],
     observe: Callable[[JointMotion, Equations, Kept], None],
 ) -> np.ndarray:
-    """Residuals at the five nodes about each of M instants, shape (M, 5, E).
+    """Averaged residuals at the five nodes about each of M instants, shape (M, 5, E).
 
     Args:
         joints: Number of joints.
@@ -62,14 +73,13 @@ def at_nodes(
     found = []
     for part, at in zip(recordings, instants, strict=True):
         t = part.t[at.motion]
-        start, end, stride = at.keep.indices(len(t))
         state = Equations(
             empty_observer(equations), np.zeros(equations), np.zeros(equations), empty_motion(joints),
             np.empty((6, PARAMETERS)), np.empty(3), np.zeros(3),
         )  # fmt: skip
-        kept = Kept(start, stride, np.empty((len(range(start, end, stride)), equations)))
+        kept = Kept(at.start, at.stride, np.zeros((at.intervals, equations)))
         observe(JointMotion(t, part.q[at.motion], part.qd[at.motion]), state, kept)
-        found.append(kept.residual[at.nodes])
+        found.append(at.averages(kept.residual))
     return np.concatenate(found)
 
 
