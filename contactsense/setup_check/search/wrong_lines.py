@@ -3,23 +3,27 @@
 Every hypothesis changes one line and is fitted with all nuisances. The best of them is accepted if the
 evidence for it is strong and its change matters; the search then continues from the corrected setup, as
 several lines may be wrong. Two lines or more are exchanged for others, see
-`contactsense.setup_check.search.wrong_lines.explanation`; where one line or none leaves residuals far beyond the noise,
+`contactsense.setup_check.search.wrong_lines.wrong_lines.explanation`; where one line or none leaves residuals far beyond the noise,
 pairs are tried.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import takewhile
 
 import numpy as np
 
-from contactsense.setup_check.fit.fitter.fitter import Fit, Fitter
-from contactsense.setup_check.hypotheses.all_hypotheses.all_hypotheses import Hypotheses
-from contactsense.setup_check.hypotheses.all_hypotheses.hypothesis import Hypothesis
-from contactsense.setup_check.lines import Line
-from contactsense.setup_check.search.wrong_lines.candidate import Candidate
-from contactsense.setup_check.search.wrong_lines.change import Change
-from contactsense.setup_check.search.wrong_lines.changes import matters
-from contactsense.setup_check.search.wrong_lines.explanation import (
+from contactsense.setup_check.fit.fitter import Fit, Fitter
+from contactsense.setup_check.fit.fitter.fitter.fitter import Fit, Fitter
+from contactsense.setup_check.hypotheses.all_hypotheses import Hypotheses
+from contactsense.setup_check.hypotheses.all_hypotheses.all_hypotheses.all_hypotheses import Hypotheses
+from contactsense.setup_check.hypotheses.all_hypotheses.all_hypotheses.hypothesis import Hypothesis
+from contactsense.setup_check.hypotheses.hypothesis import Hypothesis
+from contactsense.setup_check.lines import TOOL, TOOL_COM, TOOL_MASS, Line
+from contactsense.setup_check.search.wrong_lines.wrong_lines.candidate import Candidate
+from contactsense.setup_check.search.wrong_lines.wrong_lines.change import Change
+from contactsense.setup_check.search.wrong_lines.wrong_lines.changes import matters
+from contactsense.setup_check.search.wrong_lines.wrong_lines.explanation import (
     EXCLUDED,
     Explanation,
     change_of,
@@ -63,7 +67,7 @@ def searched(fitter: Fitter, hypotheses: Hypotheses, stated: Setup, progress: Ca
         progress(f"round {number + 1}")
         fitter.effective[:] = 1.0
         now = fitter.fit(setup)
-        # As in `contactsense.setup_check.search.wrong_lines.explanation`, where something else is wrong already.
+        # As in `contactsense.setup_check.search.wrong_lines.wrong_lines.explanation`, where something else is wrong already.
         tried = [h for h in hypotheses.of(setup) if not (found is not None and h.absorbed)]
         candidates = [
             Candidate.of(fitter, h) for h in tried if h.second_line is None or _promises(fitter, h, now)
@@ -78,6 +82,8 @@ def searched(fitter: Fitter, hypotheses: Hypotheses, stated: Setup, progress: Ca
         left = _MOST - len(changes)
         ranked = sorted(candidates, key=lambda c: _cost(fitter, c))
         best = next((c for c in ranked if _fits_in(left, c, now)), None)
+        if best is not None and best.hypothesis.absorbed:
+            best = _load_or_tool(ranked, best, now)
         if left <= 0 or number == _ROUNDS - 1:
             break
         if best is not None and fitter.cost(now) - fitter.cost(best.fit) >= _needed(best.hypothesis):
@@ -156,6 +162,17 @@ def _fits_in(left: int, candidate: Candidate, now: Fit) -> bool:
     """Whether a candidate changes no more lines than are left, by more than the tolerances, and explains."""
     lines = 1 if candidate.hypothesis.second_line is None else 2
     return lines <= left and matters(now.setup, candidate.fit) and candidate.explains(now)
+
+
+def _load_or_tool(ranked: list[Candidate], load: Candidate, now: Fit) -> Candidate:
+    """The load on a link, or the tool if that explains more: where a push fills the residuals, the prior takes
+    up a part of either, and no residual need fall."""
+    tools = (
+        c
+        for c in takewhile(lambda c: c is not load, ranked)
+        if c.hypothesis.line in (TOOL, TOOL_MASS, TOOL_COM) and matters(now.setup, c.fit)
+    )
+    return next(tools, load)
 
 
 def _far(fitter: Fitter, fit: Fit) -> bool:

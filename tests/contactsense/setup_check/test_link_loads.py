@@ -1,13 +1,17 @@
 """Something is mounted on a link, and neither scene nor robot states it."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import yaml
 
+from contactsense import forward_model
 from contactsense.benchmarks.calibration.link_load import with_load
 from contactsense.benchmarks.calibration.setup_draws import Case, Settings, right_setup
+from contactsense.calibration import FreeMotion
+from contactsense.scene_model.wrench_map import WrenchMap
 from contactsense.sensors.settings import LinkInertia
 from contactsense.setup_check import check
 
@@ -69,3 +73,30 @@ def test_nothing_is_said_of_the_loads_of_a_right_scene() -> None:
     case = right_setup("ur5e", 1, DRAWN)
     found = check(case.scene, [case.recording])
     assert not [item for item in found.findings if item.line.startswith("inertia.")]
+
+
+@pytest.mark.slow
+def test_a_forgotten_tool_beside_a_push_is_no_load_on_the_link_before() -> None:
+    """The push fills the residuals, so that none of them falls by much with either; the tool explains more."""
+    case = right_setup("ur5e", 2, DRAWN)
+    touched = _pushed(case, "forearm", np.array([20.0, 20.0, 0.0]), 6.0, 8.5)
+    assert case.scene.tool is not None
+    forgotten = case.scene.model_copy(update={"tool": None})
+    (item,) = check(forgotten, [touched]).wrong
+    assert item.line == "tool"
+    assert item.proposed is not None
+    assert float(item.proposed.split()[1].strip(",")) == pytest.approx(case.scene.tool.mass, abs=0.3)
+
+
+def _pushed(case: Case, link: str, force: np.ndarray, begin: float, end: float) -> FreeMotion:
+    """The recording as if a force in base axes [N] had acted on a link."""
+    scene, recording = case.scene, case.recording
+    assert scene.base_wrench is not None
+    assert recording.torque is not None
+    assert recording.reading is not None
+    torque, wrench = np.zeros_like(recording.torque), np.zeros_like(recording.reading)
+    for i in np.flatnonzero((recording.t > begin) & (recording.t < end)):
+        read = forward_model(scene, recording.q[i], link, np.array([0.0, 0.05, 0.0]), force)
+        torque[i], wrench[i] = read.joint_torque, read.base_wrench
+    added = wrench @ WrenchMap.of(scene.base_wrench).to_sensor.T
+    return replace(recording, torque=recording.torque + torque, reading=recording.reading + added)
