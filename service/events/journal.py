@@ -236,20 +236,19 @@ class Journal:
             self._database.execute("UPDATE events SET stored = stored + ? WHERE id > ?", (step, self._first))
 
     def prune(self, now: float | None = None) -> None:
-        """Remove events beyond the limits of age and size."""
+        """Remove events beyond the limits of age and size, as far as the end of the service leaves time."""
         settings = self._settings
         oldest = (time.time() if now is None else now) - 86400.0 * settings.max_age
         most = settings.max_memory if settings.path is None else settings.max_size
         with self.lock:
             self._follow_clock()
         seen: int | None = 0
-        while seen is not None:
+        while seen is not None and not self._closing.wait(_PAUSE):
             seen = self._remove_older(oldest, seen)
-            time.sleep(_PAUSE)
-        while self._remove_first(1e6 * most):
-            time.sleep(_PAUSE)
-        while self._give_back():
-            time.sleep(_PAUSE)
+        while not self._closing.wait(_PAUSE) and self._remove_first(1e6 * most):
+            pass
+        while not self._closing.wait(_PAUSE) and self._give_back():
+            pass
 
     def _remove_older(self, oldest: float, after: int) -> int | None:
         """Remove what was stored before `oldest` from the next events after the number `after`; returns the

@@ -67,6 +67,15 @@ def test_others_get_the_journal_while_events_are_removed(
             assert before[1] - after[1] <= 10
 
 
+def test_the_end_of_the_service_does_not_wait_until_events_are_removed(tmp_path: Path) -> None:
+    path = tmp_path / "j.db"
+    with Journal(JournalSettings(path=path)) as journal:
+        filled(journal, 1000)
+        journal._closing.set()
+        journal.prune(time.time() + 31.0 * 86400.0)
+        assert len(journal.since(0, 10_000)) == 1000
+
+
 def test_the_file_gets_smaller_when_events_are_removed(tmp_path: Path) -> None:
     path = tmp_path / "j.db"
     with Journal(JournalSettings(path=path)) as journal:
