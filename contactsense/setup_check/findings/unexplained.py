@@ -4,7 +4,7 @@ import numpy as np
 
 from contactsense.robots.torque_scale import torque_scales
 from contactsense.scene import Scene
-from contactsense.setup_check.fit.fitter.fitter import Fit, Fitter
+from contactsense.setup_check.fit.fitter import Fit, Fitter
 from contactsense.setup_check.lines import label, wrench_fields
 from contactsense.setup_check.terms.motion_basis import Readings
 

@@ -25,8 +25,8 @@ from contactsense.calibration.parameters import inertial_scales
 from contactsense.robots.torque_scale import torque_scales
 from contactsense.scene import JointTorqueSensor, Scene
 from contactsense.sensors.settings import per_joint
-from contactsense.setup_check.fit.fitter.equations import Equations, bordered, products
-from contactsense.setup_check.fit.fitter.place_jacobian import place_jacobian
+from contactsense.setup_check.fit.equations import Equations, bordered, products
+from contactsense.setup_check.fit.place_jacobian import place_jacobian
 from contactsense.setup_check.lines import wrench_fields
 from contactsense.setup_check.setup import BASE, Free, Kind, Order, Setup, in_order
 from contactsense.setup_check.terms.motion_basis import MotionBases, MotionBasis, Readings

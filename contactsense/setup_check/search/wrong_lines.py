@@ -3,7 +3,7 @@
 Every hypothesis changes one line and is fitted with all nuisances. The best of them is accepted if the
 evidence for it is strong and its change matters; the search then continues from the corrected setup, as
 several lines may be wrong. Two lines or more are exchanged for others, see
-`contactsense.setup_check.search.wrong_lines.wrong_lines.explanation`; where one line or none leaves residuals far beyond the noise,
+`contactsense.setup_check.search.explanation`; where one line or none leaves residuals far beyond the noise,
 pairs are tried.
 """
 
@@ -14,16 +14,13 @@ from itertools import takewhile
 import numpy as np
 
 from contactsense.setup_check.fit.fitter import Fit, Fitter
-from contactsense.setup_check.fit.fitter.fitter.fitter import Fit, Fitter
 from contactsense.setup_check.hypotheses.all_hypotheses import Hypotheses
-from contactsense.setup_check.hypotheses.all_hypotheses.all_hypotheses.all_hypotheses import Hypotheses
-from contactsense.setup_check.hypotheses.all_hypotheses.all_hypotheses.hypothesis import Hypothesis
 from contactsense.setup_check.hypotheses.hypothesis import Hypothesis
 from contactsense.setup_check.lines import TOOL, TOOL_COM, TOOL_MASS, Line
-from contactsense.setup_check.search.wrong_lines.wrong_lines.candidate import Candidate
-from contactsense.setup_check.search.wrong_lines.wrong_lines.change import Change
-from contactsense.setup_check.search.wrong_lines.wrong_lines.changes import matters
-from contactsense.setup_check.search.wrong_lines.wrong_lines.explanation import (
+from contactsense.setup_check.search.candidate import Candidate
+from contactsense.setup_check.search.change import Change
+from contactsense.setup_check.search.changes import matters
+from contactsense.setup_check.search.explanation import (
     EXCLUDED,
     Explanation,
     change_of,
@@ -67,7 +64,7 @@ def searched(fitter: Fitter, hypotheses: Hypotheses, stated: Setup, progress: Ca
         progress(f"round {number + 1}")
         fitter.effective[:] = 1.0
         now = fitter.fit(setup)
-        # As in `contactsense.setup_check.search.wrong_lines.wrong_lines.explanation`, where something else is wrong already.
+        # As in `contactsense.setup_check.search.explanation`, where something else is wrong already.
         tried = [h for h in hypotheses.of(setup) if not (found is not None and h.absorbed)]
         candidates = [
             Candidate.of(fitter, h) for h in tried if h.second_line is None or _promises(fitter, h, now)
@@ -165,8 +162,8 @@ def _fits_in(left: int, candidate: Candidate, now: Fit) -> bool:
 
 
 def _load_or_tool(ranked: list[Candidate], load: Candidate, now: Fit) -> Candidate:
-    """The load on a link, or the tool if that explains more: where a push fills the residuals, the prior takes
-    up a part of either, and no residual need fall."""
+    """The load on a link, or the tool if that explains more: where a push fills the residuals, the prior
+    takes up a part of either, and no residual need fall."""
     tools = (
         c
         for c in takewhile(lambda c: c is not load, ranked)

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from contactsense.setup_check.fit.fitter.fitter import Fitter
 
 from contactsense import robots
 from contactsense.benchmarks.calibration.link_sensor_draws import ELBOW, LINK_MISTAKES, WRIST
@@ -19,6 +18,7 @@ from contactsense.scene_model.link_sensors import mounts
 from contactsense.setup_check import CheckError, check, lines
 from contactsense.setup_check.check import other_arms
 from contactsense.setup_check.findings.sensor_findings import saturated_sensors
+from contactsense.setup_check.fit.fitter import Fitter
 from contactsense.setup_check.lines import sensor_lines
 from contactsense.setup_check.setup import Setup, plain_order
 from contactsense.setup_check.terms.instants import BANDWIDTH, instants
