@@ -8,7 +8,7 @@ from contactsense.benchmarks.calibration.recordings import FREE, LOADED, left_ou
 from tests.shared import shared
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_free_motion_has_no_alarms_and_every_touch_is_found() -> None:
     result = measure(shared("ur10e_recordings"))
     free = result["free"]
@@ -57,14 +57,14 @@ def test_free_motion_is_not_left_out_of_a_calibration() -> None:
     assert left_out(shared("ur10e_recordings"), ("collision_free",))["collision_free"] == []
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_touches_are_left_out_of_a_calibration() -> None:
     found = left_out(shared("ur10e_recordings"), ("collision_forearm",))
     # A stream that was calibrated on free motion reports eleven; this fit has seen only the touched file.
     assert 9 <= len(found["collision_forearm"]) <= 11
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_pushes_on_an_arm_at_rest_are_left_out_of_a_calibration_and_rest_is_not() -> None:
     found = left_out(shared("ur10e_recordings"), ("push_pose_1", "validation-p2", "validation-p9"))
     # What a person sees in the currents.

@@ -123,7 +123,7 @@ def test_a_sensor_far_from_where_the_scene_has_it_is_found() -> None:
     assert found.scene.base_wrench.moment_noise == pytest.approx(sensor.moment_noise, rel=0.2)
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_a_late_sensor_is_found_in_slow_motion() -> None:
     """The noise of the readings changes faster than the readings themselves."""
     late = WRENCH.model_copy(update={"delay": 0.03})

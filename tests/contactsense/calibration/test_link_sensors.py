@@ -170,7 +170,7 @@ def test_its_scene_has_the_sensors_as_they_are(found: Calibration) -> None:
     assert Scene.model_validate(scene.model_dump() | {"robot": ARM}) == scene
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_a_push_that_only_a_sensor_within_the_arm_feels_is_left_out() -> None:
     """On a wrist whose drives hold more than that, without a base sensor."""
     torque = JointTorqueSensor(

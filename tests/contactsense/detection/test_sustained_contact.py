@@ -82,7 +82,7 @@ def test_what_is_weak_soon_after_a_strong_contact_is_no_contact(localizer: Local
     assert weak > 0.9
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_both_tests_together_give_no_more_false_alarms_than_stated() -> None:
     """400 an hour over an hour; the law for the average is that of a process with one time constant."""
     per_hour, runs = 400.0, 1200

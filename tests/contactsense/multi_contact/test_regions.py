@@ -12,7 +12,7 @@ from tests.shared import shared
 pytestmark = pytest.mark.slow  # its kernels compile for long
 
 
-@pytest.mark.parametrize("robot", ["ur5e", pytest.param("ur10e", marks=pytest.mark.long)])
+@pytest.mark.parametrize("robot", ["ur5e", "ur10e"])
 def test_a_further_contact_is_where_its_region_says(robot: str) -> None:
     """Its place is spread along a curved surface about an optimum that is not its mean."""
     noise, arriving = COLUMNS[1], "forces free"

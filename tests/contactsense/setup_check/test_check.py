@@ -29,8 +29,6 @@ USUAL = ("tool mass wrong by 0.5 to 2 kg", "velocities zero, or in degrees")
 OTHERS = (
     "mounting: one angle with the wrong sign",
     "joint torques of another scale or unit",
-)
-MORE = (
     "base sensor 10 to 50 ms late or early",
     "one component of the base sensor reversed",
     "positions of two joints exchanged",
@@ -39,11 +37,7 @@ MORE = (
     "forces in kgf or lbf",
     "torques of two joints exchanged",
 )
-KINDS = [
-    *USUAL,
-    *(pytest.param(kind, marks=pytest.mark.slow) for kind in OTHERS),
-    *(pytest.param(kind, marks=pytest.mark.long) for kind in MORE),
-]
+KINDS = [*USUAL, *(pytest.param(kind, marks=pytest.mark.slow) for kind in OTHERS)]
 
 
 def _untold(found: SetupCheck) -> set[str]:
@@ -115,7 +109,7 @@ def test_the_frame_of_an_upright_sensor_is_written_without_a_warning() -> None:
     )
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_torques_that_are_too_large_are_no_signal_that_a_scene_could_state() -> None:
     """No finding may propose what the scene already states."""
     case = right_setup("ur10e", 5, DRAWN)
@@ -128,7 +122,7 @@ def test_torques_that_are_too_large_are_no_signal_that_a_scene_could_state() -> 
     assert "joint_torque.signal" not in [item.line for item in found.wrong]
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_a_centre_of_mass_in_centimetres_is_no_wrong_mass() -> None:
     """The fit comes back from so far away; a tool without mass would explain the readings, too."""
     case = right_setup("ur5e", 1, DRAWN)
@@ -141,7 +135,7 @@ def test_a_centre_of_mass_in_centimetres_is_no_wrong_mass() -> None:
     assert json.loads(item.proposed) == pytest.approx(tool.com, abs=0.01)
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_torque_constants_that_all_differ_are_all_estimated() -> None:
     """A constant that is right by itself is part of the line, too."""
     case = right_setup("ur5e", 1, DRAWN)

@@ -26,8 +26,8 @@ def _checked(degrees: tuple[float, ...]) -> SetupCheck:
 @pytest.mark.parametrize(
     ("joint", "name", "degrees"),
     [
-        pytest.param(1, "shoulder_lift_joint", 4.0, marks=pytest.mark.long),
-        pytest.param(2, "elbow_joint", -8.0, marks=pytest.mark.long),
+        (1, "shoulder_lift_joint", 4.0),
+        (2, "elbow_joint", -8.0),
         (4, "wrist_2_joint", 12.0),
     ],
 )
@@ -49,7 +49,7 @@ def test_zeros_of_another_convention_are_named() -> None:
     assert item.proposed.startswith("shoulder_lift_joint -9")
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_two_joints_with_another_zero_are_one_wrong_line() -> None:
     (item,) = _checked((0.0, 6.0, -8.0, 0.0, 0.0, 0.0)).wrong
     assert item.line == ZEROS

@@ -140,8 +140,8 @@ def test_a_sensor_at_its_range_is_not_used(field: str) -> None:
 @pytest.mark.parametrize(
     ("field", "kind"),
     [
-        # `.ci/run` tries the first mistake of one sensor, too.
-        pytest.param(field, kind, marks=[pytest.mark.long] if number or field == WRIST else [])
+        # `make test` tries the first mistake of one sensor, too.
+        pytest.param(field, kind, marks=[pytest.mark.slow] if number or field == WRIST else [])
         for field in (WRIST, ELBOW)
         for number, kind in enumerate(LINK_MISTAKES[field])
         if kind != range_kind(field)

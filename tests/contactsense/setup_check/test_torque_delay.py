@@ -76,7 +76,7 @@ def test_late_positions_make_the_base_sensor_and_the_torques_early() -> None:
     assert _milliseconds(torques, "early") == pytest.approx(96.0, abs=12.0)
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_slow_motion_does_not_determine_the_delay_of_torques() -> None:
     """At 0.3 rad/s its standard deviation is below 10 ms, at 0.05 rad/s it is above 20 ms."""
     fast, slow = (_of_torques(_checked(_case(speed))) for speed in (0.3, 0.05))

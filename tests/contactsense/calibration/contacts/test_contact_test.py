@@ -164,7 +164,7 @@ def test_a_hand_that_holds_a_joint_at_rest_below_its_friction_is_not_told() -> N
     assert contact.channels == (0,)
 
 
-@pytest.mark.long
+@pytest.mark.slow
 def test_pushes_do_not_move_the_parameters_and_free_motion_is_kept() -> None:
     """Three motions with pushes of 10 to 80 N, five more without."""
     found = summarize([measure(seed, True, seed < 103) for seed in range(100, 108)])
