@@ -162,8 +162,8 @@ def _fits_in(left: int, candidate: Candidate, now: Fit) -> bool:
 
 
 def _load_or_tool(ranked: list[Candidate], load: Candidate, now: Fit) -> Candidate:
-    """The load on a link, or the tool if that explains more: where a push fills the residuals, the prior
-    takes up a part of either, and no residual need fall."""
+    """The load on a link, or the tool if that explains more: the prior takes up a part of either, so that no
+    residual need fall where a push fills them."""
     tools = (
         c
         for c in takewhile(lambda c: c is not load, ranked)

@@ -77,8 +77,7 @@ def test_nothing_is_said_of_the_loads_of_a_right_scene() -> None:
 
 @pytest.mark.slow
 def test_a_forgotten_tool_beside_a_push_is_no_load_on_the_link_before() -> None:
-    """The push fills the residuals, so that none of them falls by much with either; the tool explains
-    more."""
+    """The push fills the residuals: none of them falls by much with either. The tool explains more."""
     case = right_setup("ur5e", 2, DRAWN)
     touched = _pushed(case, "forearm", np.array([20.0, 20.0, 0.0]), 6.0, 8.5)
     assert case.scene.tool is not None
