@@ -124,6 +124,8 @@ class PickedUpPayload:
         model.mass[-1], model.com[-1], model.inertia[-1] = joined.mass, joined.com, joined.tensor
 
     def _put_down(self) -> None:
+        """Restore the last link. What the filter has learnt of its mass meanwhile is that of link and payload
+        together, mostly the latter's."""
         model = self._state.model
         assert self._unloaded is not None
         model.mass[-1], model.com[-1], model.inertia[-1] = self._unloaded

@@ -1,6 +1,7 @@
 """Sensitivity of the contact centroid to the wrench, and its covariance, in closed form."""
 
 from dataclasses import dataclass
+from math import frexp, ldexp
 
 import numpy as np
 from scipy.special import ndtr
@@ -26,7 +27,8 @@ class Sensitivity:
     """From the contact to its twin [m], shape (3,): the contact if f.m had the other sign, where the force's
     line misses the body. None where the line enters, so that the contact moves continuously."""
     invariant: float
-    """f.m [N^2 m]; the contact is where its twin is now as soon as it changes its sign."""
+    """f.m [N^2 m], infinite beyond the range of floats; the contact is where its twin is now as soon as it
+    changes its sign."""
     by_wrench: np.ndarray
     """Derivative of f.m with respect to force and moment, shape (6,)."""
 
@@ -46,8 +48,11 @@ class Sensitivity:
         covariance = np.asarray(shift @ wrench @ shift.T)
         if self.twin is None:
             return covariance
-        deviation = float(np.sqrt(max(self.by_wrench @ wrench @ self.by_wrench, 0.0)))
-        turned = float(ndtr(-abs(self.invariant) / deviation)) if deviation > 0.0 else 0.0
+        # Of large or small wrenches, products of four numbers would leave the range of floats.
+        size = float(np.abs(self.by_wrench).max())
+        direction = self.by_wrench / size
+        deviation = float(np.sqrt(max(direction @ wrench @ direction, 0.0)))
+        turned = float(ndtr(-abs(self.invariant) / size / deviation)) if deviation > 0.0 else 0.0
         return covariance + turned * np.outer(self.twin, self.twin)
 
 
@@ -74,7 +79,10 @@ def sensitivity(surface: Surface, solution: Solution) -> Sensitivity:
         )
     if not solution.ok:
         raise ValueError(f"no derivatives of a solution that is {solution.status.name}")
-    c, n, f, m, xi = solution.centroid, solution.normal, solution.force, solution.moment, solution.torsion
+    c, n = solution.centroid, solution.normal
+    # In a unit of force in which the force is of order one: its square may be beyond the range of floats.
+    unit = ldexp(1.0, frexp(float(np.abs(solution.force).max()))[1] - 1)
+    f, m, xi = solution.force / unit, solution.moment / unit, solution.torsion / unit
     T = np.array(tangents((float(n[0]), float(n[1]), float(n[2])))).reshape(2, 3).T
     push = float(f @ n)
     J = np.array(((0.0, -1.0), (1.0, 0.0)))
@@ -94,19 +102,19 @@ def sensitivity(surface: Surface, solution: Solution) -> Sensitivity:
         twin = _twin(surface, solution)
     return Sensitivity(
         T,
-        np.linalg.solve(M, T.T @ by_force),
-        np.linalg.solve(M, T.T @ by_moment),
+        np.linalg.solve(M, T.T @ by_force) / unit,
+        np.linalg.solve(M, T.T @ by_moment) / unit,
         twin,
-        t,
-        np.concatenate((m, f)),
+        unit * (unit * t),
+        np.concatenate((solution.moment, solution.force)),
     )
 
 
 def _twin(surface: Surface, solution: Solution) -> np.ndarray | None:
     """From a contact to its twin, shape (3,), if the force's line misses the body."""
     f, m = solution.force, solution.moment
-    u = f / np.linalg.norm(f)
-    along = float(u @ m) * u
+    u = f / np.abs(f).max()
+    along = float(u @ m) / float(u @ u) * u
     if solve_wrench(surface, f, m, "wrench_axis").ok:
         return None
     other = solve_wrench(surface, f, m - 2.0 * along, solution.method)

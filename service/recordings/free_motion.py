@@ -80,10 +80,11 @@ def read_free_motion(
         # One value that is never there, such as that of a joint whose column is text, costs every row.
         absent = [field for field, rows in known.items() if len(rows) and not rows.any()]
         never = f"; never {', '.join(absent)}" if absent else ""
+        times = "once" if len(resets) == 1 else f"{len(resets)} times"
+        back = f"; the clock was set back {times}" if len(resets) else ""
         raise RecordingError(
             f"{path}: expected at least {_SHORTEST} samples with finite numbers in all columns and rising "
-            f"times, got {int(finite.sum())} of {len(found)} with finite numbers{never}, and {len(resets)} "
-            "times at which the clock was set back"
+            f"times, got {int(finite.sum())} of {len(found)} with finite numbers{never}{back}"
         )
     step = float(np.median(np.concatenate([np.diff(part.t) for part in stretches])))
     if step > LONGEST_GAP:

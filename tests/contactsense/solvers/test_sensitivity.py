@@ -67,6 +67,25 @@ def test_derivatives_are_those_of_the_solution(surface: Surface) -> None:
     assert checked > 20
 
 
+@pytest.mark.parametrize("passing_by", [False, True])
+def test_the_unit_of_the_wrench_does_not_matter(passing_by: bool) -> None:
+    """Squares of forces, or squares of those, may be beyond the range of floats; `solve` takes them."""
+    surface = Ellipsoid(0.05, 0.1, 0.2)
+    force, moment = np.array([1.0, 2.0, -20.0]), np.array([0.4, 0.1, 0.05])
+    if passing_by:
+        moment = moment + np.cross([0.0, 0.3, 0.0], force)
+    units = 1.0, 2.0**-400, 2.0**400, 2.0**-540, 2.0**540
+    here, *others = (sensitivity(surface, solve(surface, unit * force, unit * moment)) for unit in units)
+    assert (here.twin is not None) == passing_by
+    for unit, there in zip(units[1:], others, strict=True):
+        np.testing.assert_array_equal(there.by_force, here.by_force / unit)
+        np.testing.assert_array_equal(there.by_moment, here.by_moment / unit)
+    covariance = np.diag([0.5, 0.5, 0.5, 0.02, 0.02, 0.02])
+    expected = here.covariance(covariance)
+    for unit, there in zip(units[1:3], others, strict=False):
+        np.testing.assert_allclose(there.covariance(unit**2 * covariance), expected, rtol=1e-9)
+
+
 def test_covariance_of_a_placed_surface_turns_with_it() -> None:
     rng = np.random.default_rng(13)
     axes, _ = np.linalg.qr(rng.normal(size=(3, 3)))

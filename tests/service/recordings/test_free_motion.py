@@ -94,13 +94,13 @@ def test_too_few_samples_and_wrong_columns_are_refused(tmp_path: Path) -> None:
     made = columns()
     made["joint_torque_0"][2:] = np.nan
     write_columns(tmp_path / "a.csv", made)
-    with pytest.raises(RecordingError, match=r"expected at least 3 samples .* got 2 of 20"):
+    with pytest.raises(RecordingError, match=r"at least 3 samples .* got 2 of 20 with finite numbers$"):
         read_free_motion(tmp_path / "a.csv", SCENE)
     made = columns()
     made["joint_torque_0"][[i for i in range(N) if i not in (1, 10, 11)]] = np.nan
     made["timestamp"][10:] -= 1.0
     write_columns(tmp_path / "a.csv", made)
-    with pytest.raises(RecordingError, match=r"rising times, got 3 of 20 .* 1 times at which the clock was"):
+    with pytest.raises(RecordingError, match=r"rising times, got 3 of 20 .*; the clock was set back once$"):
         read_free_motion(tmp_path / "a.csv", SCENE)
     with pytest.raises(MappingError):
         read_free_motion(tmp_path / "a.csv", SCENE, "no_such_field=x")
@@ -110,7 +110,7 @@ def test_a_signal_that_is_never_there_is_named(tmp_path: Path) -> None:
     """One joint without torques costs every row."""
     made = columns() | {"joint_torque_2": np.full(N, np.nan)}
     write_columns(tmp_path / "a.parquet", made)
-    with pytest.raises(RecordingError, match=r"got 0 of 20 with finite numbers; never joint_torque, and 0 "):
+    with pytest.raises(RecordingError, match=r"got 0 of 20 with finite numbers; never joint_torque$"):
         read_free_motion(tmp_path / "a.parquet", SCENE)
 
 
