@@ -115,7 +115,8 @@ def detectability(
     For one measurement of an arm at rest, as `Localizer.locate` takes it; errors and link probability are
     those of its answers to simulated readings. An average over N measurements has
     1 / sqrt(N) of the noise, and of the forces. The model, the bias and the surface are assumed to be right,
-    but for the errors of the joint torques that the scene states.
+    but for the errors of the joint torques that the scene states. The `range` of a sensor is not looked at:
+    `contactsense scene show` warns where the weight of the arm or its motion reaches it.
 
     Args:
         scene: Arm, tool, sensors and their noise, false alarms per hour.

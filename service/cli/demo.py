@@ -6,6 +6,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import click
+import numpy as np
 from rich.console import Console
 from rich.text import Text
 
@@ -77,6 +78,7 @@ def demo(script: Path | None, serve: bool, view: bool, port: int, react: bool, a
                 "not move as the script says: `contactsense mock --script` simulates it"
             )
         motion = simulate(played)
+        _refuse_protective_stop(played, motion)
     except ScriptError as error:
         raise click.ClickException(str(error)) from None
     if serve and not motion.loops:
@@ -96,6 +98,20 @@ def demo(script: Path | None, serve: bool, view: bool, port: int, react: bool, a
         raise click.ClickException(str(error)) from None
     except KeyboardInterrupt:
         raise click.Abort from None
+
+
+def _refuse_protective_stop(script: Script, motion: Motion) -> None:
+    limit, delay = script.safety.force_limit, script.safety.force_delay
+    if limit is None:
+        return
+    for touch in motion.touches:
+        force = np.linalg.norm(touch.force_base, axis=1)
+        if (force > limit).any() and (force > limit).sum() / motion.rate >= delay:
+            raise ScriptError(
+                f"safety.force_limit: expected contacts that do not exceed its {limit:g} N for {delay:g} s, "
+                f"got one of {force.max():.3g} N at {touch.start:g} s, since the arm would stop and no longer "
+                "move as the script says: `contactsense mock --script` simulates it"
+            )
 
 
 def _react(port: int, as_json: bool) -> int:

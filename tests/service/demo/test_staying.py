@@ -62,8 +62,18 @@ def test_a_motion_that_cannot_repeat_is_refused(tmp_path: Path, option: str) -> 
 @pytest.mark.parametrize(
     ("more", "complaint"),
     [
-        ("watchdog: {variable: input_int_register_47, min_frequency: 10, action: pause}", "watchdog"),
-        ("obstacles: [{kind: sphere, center: [2, 0, 0], radius: 0.1}]", "obstacles"),
+        (
+            "watchdog: {variable: input_int_register_47, min_frequency: 10, action: pause}",
+            "watchdog: expected none, since ",
+        ),
+        (
+            "obstacles: [{kind: sphere, center: [2, 0, 0], radius: 0.1}]",
+            "obstacles: expected none, since ",
+        ),
+        (
+            "safety: {force_limit: 20}",
+            "safety.force_limit: expected contacts that do not exceed its 20 N for 0.1 s, got one of 25 N",
+        ),
     ],
 )
 def test_what_changes_the_motion_is_refused(tmp_path: Path, more: str, complaint: str) -> None:
@@ -71,5 +81,5 @@ def test_what_changes_the_motion_is_refused(tmp_path: Path, more: str, complaint
     (tmp_path / "script.yaml").write_text(AWAY.replace("PUSH", "push: 25") + more + "\n")
     done = CliRunner().invoke(cli, ["demo", "--script", str(tmp_path / "script.yaml")])
     assert done.exit_code == 1
-    assert f"{complaint}: expected none, since " in done.output
+    assert complaint in done.output
     assert "`contactsense mock --script` simulates" in done.output
