@@ -109,8 +109,8 @@ def _refuse_protective_stop(script: Script, motion: Motion) -> None:
         if (force > limit).any() and (force > limit).sum() / motion.rate >= delay:
             raise ScriptError(
                 f"safety.force_limit: expected contacts that do not exceed its {limit:g} N for {delay:g} s, "
-                f"got one of {force.max():.3g} N at {touch.start:g} s, since the arm would stop and no longer "
-                "move as the script says: `contactsense mock --script` simulates it"
+                f"got one of {force.max():.3g} N at {touch.start:g} s, since the arm would stop and not move "
+                "on as the script says: `contactsense mock --script` simulates it"
             )
 
 
