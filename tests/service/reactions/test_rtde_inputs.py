@@ -2,6 +2,8 @@
 
 import socket
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import pytest
@@ -48,18 +50,76 @@ def test_a_mute_controller_blocks_nobody() -> None:
         inputs.close()
 
 
+class Controller:
+    """A controller that answers as a test says, and what it was asked for."""
+
+    def __init__(self, connection: socket.socket) -> None:
+        self._connection, self._decoder = connection, wire.FrameDecoder()
+        connection.settimeout(0.05)
+        self.requests: list[wire.Request] = []
+
+    def answer(self, *replies: wire.Reply) -> None:
+        self._connection.sendall(b"".join(map(wire.encode, replies)))
+
+    def setups(self) -> int:
+        """How often inputs were asked for until now."""
+        with suppress(TimeoutError):
+            while chunk := self._connection.recv(65536):
+                self._decoder.feed(chunk)
+        while (frame := self._decoder.next_frame()) is not None:
+            self.requests.append(wire.parse_request(frame))
+        return sum(isinstance(request, wire.InputSetup) for request in self.requests)
+
+
+@contextmanager
+def connected() -> Iterator[tuple[RtdeInputs, Controller]]:
+    """Inputs and a controller that has accepted their connection."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        inputs = RtdeInputs("127.0.0.1", server.getsockname()[1], {"a": ["input_int_register_47"]})
+        poll_until(inputs, lambda: inputs._socket is not None)
+        connection, _ = server.accept()
+        with connection:
+            yield inputs, Controller(connection)
+        inputs.close()
+
+
+def test_a_recipe_that_was_refused_is_asked_for_again_once_a_second() -> None:
+    with connected() as (inputs, controller):
+        controller.answer(
+            wire.ProtocolVersionReply(True),
+            wire.SetupReply(True, 0, ("IN_USE",)),
+            wire.SetupReply(False, 1, ("DOUBLE",)),
+            wire.StartReply(True),
+        )
+        begin = time.monotonic()
+
+        def poll(after: float, condition: Callable[[], bool]) -> None:
+            """Poll at that time [s], which does not pass, until a condition holds."""
+            deadline = time.monotonic() + 60.0
+            while not condition():
+                assert time.monotonic() < deadline
+                inputs.poll(begin + after)
+
+        poll(0.0, lambda: bool(inputs.refused) and inputs._output is not None)
+        for after, asked in ((0.9, 1), (1.1, 2), (1.9, 2)):
+            for _ in range(3):
+                inputs.poll(begin + after)
+            assert controller.setups() == asked
+        controller.answer(wire.SetupReply(True, 7, ("INT32",)))
+        poll(1.9, lambda: inputs.ready)
+        assert not inputs.refused
+        for _ in range(3):
+            inputs.poll(begin + 3.1)
+        assert (controller.setups(), inputs.error) == (2, "")
+
+
 def test_an_answer_that_was_not_asked_for_is_told_and_ends_the_connection() -> None:
     """Which recipe it is about is not known."""
-    with socket.create_server(("127.0.0.1", 0)) as strange:
-        inputs = RtdeInputs("127.0.0.1", strange.getsockname()[1], {"a": ["input_int_register_47"]})
-        poll_until(inputs, lambda: inputs._socket is not None)
-        connection, _ = strange.accept()
-        with connection:
-            connection.sendall(2 * wire.encode(wire.SetupReply(True, 1, ("INT32",))))
-            poll_until(inputs, lambda: bool(inputs.error))
+    with connected() as (inputs, controller):
+        controller.answer(*2 * [wire.SetupReply(True, 1, ("INT32",))])
+        poll_until(inputs, lambda: bool(inputs.error))
         assert "expected one answer to each setup of inputs, got another" in inputs.error
         assert not inputs.can_write("a")
-        inputs.close()
 
 
 @pytest.mark.parametrize("host", ["robot.invalid", 64 * "a" + ".invalid"])
