@@ -1,6 +1,7 @@
 """The connection that writes a controller's inputs."""
 
 import socket
+import struct
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -61,6 +62,11 @@ class Controller:
     def answer(self, *replies: wire.Reply) -> None:
         self._connection.sendall(b"".join(map(wire.encode, replies)))
 
+    def reset(self) -> None:
+        """Close the connection without a farewell."""
+        self._connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        self._connection.close()
+
     def setups(self) -> int:
         """How often inputs were asked for until now."""
         with suppress(TimeoutError):
@@ -79,6 +85,7 @@ def connected() -> Iterator[tuple[RtdeInputs, Controller]]:
         poll_until(inputs, lambda: inputs._socket is not None)
         connection, _ = server.accept()
         with connection:
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
             yield inputs, Controller(connection)
         inputs.close()
 
@@ -111,6 +118,40 @@ def test_a_recipe_that_was_refused_is_asked_for_again_once_a_second() -> None:
         for _ in range(3):
             inputs.poll(begin + 3.1)
         assert (controller.setups(), inputs.error) == (2, "")
+
+
+def granted(inputs: RtdeInputs, controller: Controller) -> None:
+    """Let a controller accept all that is asked for."""
+    controller.answer(
+        wire.ProtocolVersionReply(True),
+        wire.SetupReply(True, 7, ("INT32",)),
+        wire.SetupReply(False, 1, ("DOUBLE",)),
+        wire.StartReply(True),
+    )
+    poll_until(inputs, lambda: inputs.ready)
+
+
+def test_a_write_on_a_connection_that_was_reset_is_told_to_be_none() -> None:
+    with connected() as (inputs, controller):
+        granted(inputs, controller)
+        assert inputs.write("a", [5])
+        controller.reset()
+        assert not inputs.write("a", [6])
+        assert "Connection reset by peer" in inputs.error
+        assert not inputs.can_write("a")
+
+
+def test_a_controller_that_does_not_read_is_told_and_left() -> None:
+    """Half a message was sent: what follows would be taken for the rest of it."""
+    with connected() as (inputs, controller):
+        granted(inputs, controller)
+        assert inputs._socket is not None
+        inputs._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
+        deadline = time.monotonic() + 60.0
+        while inputs.write("a", [5]):
+            assert time.monotonic() < deadline
+        assert "the controller does not read what is written" in inputs.error
+        assert not inputs.can_write("a")
 
 
 def test_an_answer_that_was_not_asked_for_is_told_and_ends_the_connection() -> None:
