@@ -236,7 +236,9 @@ def test_inputs_are_registers_that_a_program_can_write(given: dict[str, Any], co
         ("code", "input_int_register_47", "input_int_register_47"),
         ("link", "24", "input_int_register_24"),
         ("force", "input_double_register_0", "input_double_register_0"),
+        ("force", 47, "input_double_register_47"),
         ("time", 46, "input_double_register_46"),
+        ("heartbeat", 64, "input_bit_register_64"),
         ("heartbeat", "input_bit_register_127", "input_bit_register_127"),
         ("contact", 68, "input_bit_register_68"),
     ],
@@ -249,6 +251,7 @@ def test_a_register_is_stated_by_its_number_or_its_name(field: str, given: Any, 
     ("field", "given"),
     [
         *(("code", given) for given in ("input_double_register_46", "input_int_register_", "\u00b2", 48, -1)),
+        *(("force", given) for given in ("input_int_register_46", 48, -1)),
         *(("heartbeat", given) for given in ("input_int_register_70", 63, 128)),
     ],
 )
