@@ -91,7 +91,7 @@ class RegistersAction(ActionSettings):
         point = (0.0, 0.0, 0.0)
         if decision is not None and decision.point_base:
             point = (decision.point_base[0], decision.point_base[1], decision.point_base[2])
-        found: list[Number] = [level + 10 * (index + 1) if level else 0]
+        found: list[Number] = [level + 10 * (index + 1)]
         if self.force is not None:
             found.append(0.0 if decision is None else decision.force)
         if self.link is not None:
