@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import pytest
 
 from contactsense.service.reactions.actions.registers import RegistersAction
 from contactsense.service.reactions.actions.speed_slider import SpeedSliderAction
-from contactsense.service.reactions.rules import ReactionRules, RulesError
+from contactsense.service.reactions.rules import ReactionRules, RobotAddress, RulesError
 from contactsense.service.reactions.state import Reactions, ReactionSettings
 from tests.service.reactions.estimates import SCENE
 
@@ -189,6 +190,29 @@ def test_actions_on_a_robot_need_its_address() -> None:
     assert reactions.rules is not None
     assert list(reactions.rules.actions) == ["note"]  # nothing has changed
     Reactions(rules, "192.0.2.1", lambda _: True)
+
+
+@pytest.mark.parametrize(
+    ("stated", "host", "port"),
+    [
+        ({}, "192.0.2.1", 30104),
+        ({"host": "192.0.2.7"}, "192.0.2.7", None),
+        ({"rtde_port": 30204}, "192.0.2.1", 30204),
+        ({"host": "192.0.2.7", "rtde_port": 30204}, "192.0.2.7", 30204),
+    ],
+)
+def test_the_controller_that_the_rules_name_comes_before_that_of_the_samples(
+    stated: dict[str, Any], host: str, port: int | None
+) -> None:
+    """With its own port: that of the samples is that of another controller."""
+    rules = with_actions(tell={"type": "registers"}).model_copy(
+        update={"robot": RobotAddress.model_validate(stated)}
+    )
+    reactions = Reactions(rules, "192.0.2.1", lambda _: True, 30104)
+    made = reactions.factory
+    assert isinstance(made, partial)
+    assert made.keywords["host"] == host
+    assert made.keywords["rules"].robot.rtde_port == port
 
 
 def test_rules_that_no_longer_move_a_slider_that_is_low_say_so(caplog: pytest.LogCaptureFixture) -> None:
