@@ -54,6 +54,9 @@ def test_samples_of_one_instant():
     assert health.wrench is not None
     assert (health.wrench.state, health.wrench.overrun, health.trouble) == ("streaming", 0, "")
     assert health.unusable == 0
+    closed = source.health
+    assert closed.wrench is not None
+    assert (closed.robot.state, closed.wrench.state) == ("closed", "closed")
 
 
 @pytest.mark.slow
