@@ -47,7 +47,8 @@ class ColumnMapping(BaseModel):
     qd: Names = ("actual_qd",)
     """Joint velocities."""
     joint_torque: Names | None = None
-    """Joint torques [Nm], positive as applied by the actuator."""
+    """Joint torques [Nm], positive as applied by the actuator. Columns of motor currents with other names go
+    into `joint_torque.fields` of the scene."""
     base_wrench: Names = ("base_wrench",)
     """Reading of the sensor under the base, in the sensor's own frame and sign [N, Nm]."""
     wrist_wrench: Names = ("wrist_wrench",)

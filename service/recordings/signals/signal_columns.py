@@ -5,6 +5,7 @@ from typing import NamedTuple
 from contactsense.scene import Scene
 from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
 from contactsense.scene_model.wrench_map import WrenchMap
+from contactsense.sensors.settings import CURRENTS
 from contactsense.service.recordings.metadata import (
     is_raw,
     other_arm,
@@ -93,6 +94,12 @@ class SignalColumns:
         if sensor is None:
             return [], None
         if self._mapping.joint_torque is not None:
+            if sensor.signal in CURRENTS:
+                message = (
+                    f"--columns names joint_torque, which is taken as Nm; columns of {sensor.signal} [A] "
+                    "with other names go into joint_torque.fields of the scene"
+                )
+                self.absent.append(Problem(0, 0, "other_torques", message))
             return self._group("joint_torque", self._mapping.joint_torque, n), None
         own = expand(("joint_torque",), n, names)
         has_own = all(name in names for name in own)
@@ -160,6 +167,8 @@ class SignalColumns:
         for signal in ("actual_current_as_torque", "actual_current"):
             if sensor is not None and signal != sensor.signal and f"{signal}_0" in self._table.names:
                 return f"; for {signal}, the scene needs `joint_torque: {{signal: {signal}}}`"
+        if sensor is not None and sensor.fields is None and sensor.signal in CURRENTS:
+            return f"; columns of {sensor.signal} with other names go into joint_torque.fields of the scene"
         return ""
 
     def _columns_of(self, field_name: str, source: TorqueMap) -> list[str]:

@@ -75,6 +75,32 @@ def test_another_torque_signal_of_the_file_is_named(tmp_path: Path) -> None:
     assert read(path, currents).joint_torque is not None
 
 
+def test_currents_under_other_names_are_named_by_the_scene(tmp_path: Path) -> None:
+    """As joint torques of `--columns` they would be taken for Nm, a tenth of what they mean."""
+    names = [f"strom{i}" for i in range(6)]
+    currents = {f"strom{i}": columns()[f"joint_torque_{i}"] for i in range(6)}
+    others = {name: values for name, values in columns().items() if not name.startswith("joint_torque")}
+    path = as_parquet(tmp_path, others | currents)
+    sensor = JointTorqueSensor(signal="actual_current")
+    scene = Scene(robot="ur10e", base_wrench=None, joint_torque=sensor)
+    advice = "with other names go into joint_torque.fields of the scene"
+    with pytest.raises(RecordingError, match=advice):
+        read(path, scene)
+    (problem,) = read(path, scene, ColumnMapping(joint_torque=tuple(names))).problems
+    assert problem.kind == "other_torques"
+    assert problem.message.endswith(advice)
+    named = scene.model_copy(update={"joint_torque": sensor.model_copy(update={"fields": tuple(names)})})
+    found = read(path, named)
+    assert not found.problems
+    own = Scene(robot="ur10e", base_wrench=None)
+    torques = read(path, own, ColumnMapping(joint_torque=tuple(names)))
+    assert not torques.problems
+    assert found.joint_torque is not None
+    assert torques.joint_torque is not None
+    constants = [joint.torque_constant for joint in own.robot.joints]
+    np.testing.assert_allclose(found.joint_torque, torques.joint_torque * constants)
+
+
 @pytest.mark.parametrize("group", ["joint_torque", "base_wrench"])
 def test_a_sensor_that_lacks_one_column_is_refused_with_its_name(tmp_path: Path, group: str) -> None:
     found = {name: values for name, values in columns().items() if name != f"{group}_3"}
