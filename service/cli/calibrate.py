@@ -24,6 +24,7 @@ from contactsense.scene import Scene, SceneError
 from contactsense.service.cli.calibration_doubts import doubts
 from contactsense.service.cli.calibration_page import Section, channels, page, reasons_against
 from contactsense.service.cli.options.output_file import check_writable
+from contactsense.service.cli.recordings_once import each_once
 from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError
 from contactsense.service.recordings.free_motion import read_free_motion
 from contactsense.service.recordings.problem_lines import problem_lines
@@ -33,7 +34,7 @@ _PARTS = ("joint_torque", "base_wrench", "wrist_wrench", "link_wrenches", "mount
 
 
 @click.command()
-@click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path), callback=each_once)
 @click.option("--scene", "path", required=True, type=click.Path(path_type=Path), help="Scene file (YAML).")
 @click.option("--out", type=click.Path(path_type=Path), help="Write the calibrated scene into this file.")
 @click.option(

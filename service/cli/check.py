@@ -17,6 +17,7 @@ from contactsense.service.api.settings import Settings, SettingsError
 from contactsense.service.cli.options.finite_range import FiniteRange
 from contactsense.service.cli.options.option_names import as_options
 from contactsense.service.cli.options.sensor_options import from_environment, sensor_options
+from contactsense.service.cli.recordings_once import each_once
 from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError
 from contactsense.service.recordings.free_motion import read_free_motion
 from contactsense.service.recordings.problem_lines import problem_lines
@@ -47,7 +48,7 @@ _UNITS = {
 
 @click.command()
 @click.argument("scene_file", metavar="SCENE", type=click.Path(path_type=Path))
-@click.argument("recordings", nargs=-1, type=click.Path(path_type=Path))
+@click.argument("recordings", nargs=-1, type=click.Path(path_type=Path), callback=each_once)
 @click.option(
     "--columns", help="Names and units of columns or topics, as q=joint,time_unit=ms or a YAML file."
 )

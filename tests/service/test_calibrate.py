@@ -350,3 +350,12 @@ def test_what_is_wrong_is_said(folder: Path, arguments: list[str], message: str)
     result = CliRunner().invoke(calibrate, places)
     assert result.exit_code == 1
     assert message in result.output
+
+
+def test_a_recording_that_is_named_twice_is_refused(folder: Path) -> None:
+    """Also by another path: its samples would count twice."""
+    again = folder / ".." / folder.name / "free.csv"
+    arguments = [str(folder / "free.csv"), str(again), "--scene", str(folder / "scene.yaml")]
+    result = CliRunner().invoke(calibrate, arguments)
+    assert result.exit_code == 2
+    assert "free.csv: expected each recording once, got it twice" in result.output

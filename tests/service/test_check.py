@@ -215,6 +215,10 @@ def test_units_of_a_recording_are_a_matter_of_its_columns(folder: Path) -> None:
     ("arguments", "message"),
     [
         (["right.yaml", "absent.csv"], "absent.csv: cannot read the recording"),
+        (
+            ["right.yaml", "free.csv", "degrees.csv", "free.csv"],
+            "free.csv: expected each recording once, got",
+        ),
         (["absent.yaml", "free.csv"], "absent.yaml: cannot read the scene"),
         (["right.yaml"], "expected either recordings or --robot-host, got neither"),
         (["right.yaml", "free.csv", "--robot-host", "127.0.0.1"], "or --robot-host, got both"),
