@@ -1,7 +1,5 @@
 """Values in the packets of both sensors that cannot be measurements, from the mock's wire to samples."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
@@ -9,7 +7,6 @@ from contactsense.scene import JointTorqueSensor, Scene
 from contactsense.service.mock.arm.cell import TORQUE_CONSTANTS
 from contactsense.service.mock.interfaces.wire_faults import Fault
 from contactsense.service.mock.servers import MockServers
-from contactsense.service.sensors.clients.robot_stream import RobotRecord
 from contactsense.service.sensors.live_source import LiveSource, SourceSettings
 from tests.service.loopback import until, waiting_clock
 from tests.service.sensors.mock_source import (
@@ -29,19 +26,6 @@ def test_numbers_that_are_none():
         assert until(lambda: source.poll(0.1) == [] and source.health.unusable > 10)
         servers.rtde.fault = Fault.NONE
         assert collect(source, 10)
-
-
-@pytest.mark.parametrize(
-    ("speeds", "at_rest"), [((0.0,) * 6, True), ((0, 0, 0.1, 0, 0, 0), False), ((-0.1, 0, 0, 0, 0, 0), False)]
-)
-def test_an_arm_with_one_joint_that_turns_is_not_at_rest(speeds, at_rest):
-    """Only at rest may readings repeat."""
-    with LiveSource(Scene(robot="ur5e", base_wrench=None), SourceSettings("192.0.2.1")) as source:
-        source._robot.close()
-        source._robot = SimpleNamespace(slices={"actual_qd": slice(0, 6)}, close=lambda: None)
-        record = RobotRecord(0.0, 0, speeds)
-        assert list(source._complete([record])) == [record]
-        assert source._arm.at_rest == at_rest
 
 
 def test_each_value_of_the_torques_is_used_once():
