@@ -19,6 +19,8 @@ class MappingError(ValueError):
 def _as_names(value: Any) -> Any:
     if isinstance(value, str):
         return (value,)
+    if value == []:
+        raise ValueError("expected a prefix or the names of columns, got none")
     return tuple(value) if isinstance(value, list) else value
 
 

@@ -196,6 +196,11 @@ def test_other_names_and_units(tmp_path: Path) -> None:
         ColumnMapping.parse("bar=foo")
     with pytest.raises(MappingError, match="time_unit"):
         ColumnMapping.parse("time_unit=h")
+    (tmp_path / "none.yaml").write_text("joint_torque: []\n")
+    with pytest.raises(
+        MappingError, match="joint_torque: expected a prefix or the names of columns, got none"
+    ):
+        ColumnMapping.parse(str(tmp_path / "none.yaml"))
 
 
 def test_sensors_that_the_file_lacks_are_named(tmp_path: Path) -> None:
