@@ -10,7 +10,7 @@ import pytest
 
 from contactsense.service.reactions.actions.registers import RegistersAction
 from contactsense.service.reactions.actions.speed_slider import SpeedSliderAction
-from contactsense.service.reactions.rules import ReactionRules, RobotAddress, RulesError
+from contactsense.service.reactions.rules import ReactionRules, RulesError
 from contactsense.service.reactions.state import Reactions, ReactionSettings
 from tests.service.reactions.estimates import SCENE
 
@@ -82,8 +82,10 @@ def test_the_registers_are_those_of_the_controller_that_sends_the_samples(
     """The port follows --robot-port, unless the rules name a controller or a port."""
     rules = ReactionRules.model_validate({**RULES.model_dump(by_alias=True), "robot": robot})
     reactions = Reactions(rules, "192.0.2.1", lambda _: True, 30104)
-    assert reactions.rules is not None
-    assert reactions.rules.robot.rtde_port == port
+    made = reactions.factory
+    assert isinstance(made, partial)
+    assert made.keywords["host"] == robot.get("host", "192.0.2.1")
+    assert made.keywords["rules"].robot.rtde_port == port
 
 
 def test_registers_that_a_reload_leaves_with_their_last_values_are_named(
@@ -192,29 +194,6 @@ def test_actions_on_a_robot_need_its_address() -> None:
     Reactions(rules, "192.0.2.1", lambda _: True)
 
 
-@pytest.mark.parametrize(
-    ("stated", "host", "port"),
-    [
-        ({}, "192.0.2.1", 30104),
-        ({"host": "192.0.2.7"}, "192.0.2.7", None),
-        ({"rtde_port": 30204}, "192.0.2.1", 30204),
-        ({"host": "192.0.2.7", "rtde_port": 30204}, "192.0.2.7", 30204),
-    ],
-)
-def test_the_controller_that_the_rules_name_comes_before_that_of_the_samples(
-    stated: dict[str, Any], host: str, port: int | None
-) -> None:
-    """With its own port: that of the samples is that of another controller."""
-    rules = with_actions(tell={"type": "registers"}).model_copy(
-        update={"robot": RobotAddress.model_validate(stated)}
-    )
-    reactions = Reactions(rules, "192.0.2.1", lambda _: True, 30104)
-    made = reactions.factory
-    assert isinstance(made, partial)
-    assert made.keywords["host"] == host
-    assert made.keywords["rules"].robot.rtde_port == port
-
-
 def test_rules_that_no_longer_move_a_slider_that_is_low_say_so(caplog: pytest.LogCaptureFixture) -> None:
     stored: list[float | None] = []
     reactions = Reactions(SLOW, "192.0.2.1", lambda _: True)
@@ -260,10 +239,11 @@ def test_webhooks_that_fail_are_failing_until_one_is_delivered() -> None:
     assert reactions.note_webhook("hook", False, "refused", told).reason == "failed: refused"
     found = reactions.health()
     assert (found.status, found.actions["hook"].error) == ("failing", "refused")
-    reactions.note_webhook("hook", True, "answered 200", told)
+    for _ in range(2):
+        reactions.note_webhook("hook", True, "answered 200", told)
     found = reactions.health()
     assert (found.status, found.actions["hook"].error) == ("ok", "")
-    assert (found.actions["hook"].started, found.actions["hook"].failed) == (2, 1)
+    assert (found.actions["hook"].started, found.actions["hook"].failed) == (3, 1)
     reactions.replace(RULES)
     assert not reactions.health().actions
 
@@ -277,6 +257,18 @@ def test_only_what_the_rules_expect_is_announced(name: str, sent: bool, runs: bo
     reactions = Reactions(rules, None, lambda command: commands.append(command) or runs)  # type: ignore[func-returns-value]
     assert reactions.announce(name) == (sent and runs)
     assert commands == [{"type": "announce", "name": name}] * sent
+
+
+@pytest.mark.parametrize("runs", [True, False])
+def test_other_commands_are_passed_on_while_a_process_runs(runs: bool) -> None:
+    commands: list[dict[str, Any]] = []
+    reactions = Reactions(RULES, None, lambda command: commands.append(command) or runs)  # type: ignore[func-returns-value]
+    assert reactions.acknowledge("old", "a person") == runs
+    assert reactions.withdraw("insert") == runs
+    assert commands == [
+        {"type": "acknowledge", "rule": "old", "by": "a person"},
+        {"type": "withdraw", "name": "insert"},
+    ]
 
 
 @pytest.mark.parametrize("runs", [True, False])
