@@ -233,9 +233,10 @@ def test_a_start_says_what_the_last_end_has_left(
 
 
 def test_webhooks_that_fail_are_failing_until_one_is_delivered() -> None:
-    rules = with_actions(hook={"type": "webhook", "url": "http://127.0.0.1/", "secret_file": "none"})
-    reactions = Reactions(rules, None, lambda _: True)
+    hook = {"type": "webhook", "url": "http://127.0.0.1/", "secret_file": "none"}
+    reactions = Reactions(with_actions(hook=hook, other=hook), None, lambda _: True)
     told = {"t": 0.0, "rule": "old", "link": ""}
+    reactions.note_webhook("other", True, "answered 200", told)
     assert reactions.note_webhook("hook", False, "refused", told).reason == "failed: refused"
     found = reactions.health()
     assert (found.status, found.actions["hook"].error) == ("failing", "refused")
@@ -251,8 +252,8 @@ def test_webhooks_that_fail_are_failing_until_one_is_delivered() -> None:
 @pytest.mark.parametrize(("name", "sent"), [("insert", True), ("remove", False)])
 @pytest.mark.parametrize("runs", [True, False])
 def test_only_what_the_rules_expect_is_announced(name: str, sent: bool, runs: bool) -> None:
-    expected = {"name": "insert", "links": ["forearm"], "force": 80.0}
-    rules = ReactionRules.model_validate({**RULES.model_dump(by_alias=True), "expected": [expected]})
+    expected = [{"name": known, "links": ["forearm"], "force": 80.0} for known in ("insert", "place")]
+    rules = ReactionRules.model_validate({**RULES.model_dump(by_alias=True), "expected": expected})
     commands: list[dict[str, Any]] = []
     reactions = Reactions(rules, None, lambda command: commands.append(command) or runs)  # type: ignore[func-returns-value]
     assert reactions.announce(name) == (sent and runs)
