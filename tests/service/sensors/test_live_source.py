@@ -1,6 +1,7 @@
 """Both sensors together, from the mock's wire to samples."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -226,7 +227,8 @@ def test_a_sensor_between_links_has_its_own_box():
             sources = {"elbow": WrenchSource(own.host, own.port, own.http_port)}
             settings = settings_for(servers, wrench_rate=None, link_wrenches=sources)
             with LiveSource(scene, settings) as source:
-                samples = []
+                samples, raw = [], []
+                source.observer = SimpleNamespace(robot=lambda *_: None, wrench=raw.extend)
 
                 def complete():
                     both = [s for s in source.poll(0.1) if s.link_wrenches and s.base_wrench is not None]
@@ -247,6 +249,7 @@ def test_a_sensor_between_links_has_its_own_box():
         for s in samples
     ]
     assert np.abs(np.median(read)) < 2e-3
+    assert (np.diff([reading.tick for reading in raw]) > 0).all()  # those of the base sensor alone
 
 
 def test_a_sensor_between_links_needs_one_source():
