@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from contactsense.service.reactions import state
 from contactsense.service.reactions.actions.registers import RegistersAction
 from contactsense.service.reactions.actions.speed_slider import SpeedSliderAction
 from contactsense.service.reactions.rules import ReactionRules, RulesError
@@ -292,3 +293,10 @@ def test_a_request_waits_until_it_is_answered(runs: bool) -> None:
         return done
 
     assert asyncio.run(scenario()) == runs
+
+
+def test_a_request_that_nobody_answers_has_not_been_executed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(state, "_ANSWER", 0.01)
+    reactions = Reactions(RULES, None, lambda _: True)
+    assert not asyncio.run(reactions.request({"type": "withdraw", "name": None}))
+    assert not reactions._answers  # nothing waits for it any more
