@@ -10,7 +10,7 @@ import pytest
 from contactsense.service.reactions.listener import ReactionListener
 from contactsense.service.reactions.rtde_inputs import RtdeInputs
 from contactsense.service.reactions.rules import ReactionRules
-from tests.service.loopback import rtde_server
+from tests.service.loopback import rtde_server, until
 from tests.service.reactions.estimates import SCENE, contact, estimate, sample
 from tests.service.reactions.listener_play import RULES, Play
 
@@ -218,6 +218,27 @@ def test_in_use_names_the_variable_and_what_else_to_take() -> None:
         finally:
             made.listener.close()
             first.close()
+
+
+def test_registers_are_written_with_each_sample_of_a_contact(play: Play) -> None:
+    """Not only with the heartbeat, which `tick` sends."""
+    for t, newtons in ((0.0, 20.0), (0.002, 30.0)):
+        play.step(estimate(t, contact(newtons=newtons)))
+    assert until(lambda: play.inputs.get("input_double_register_47") == (30.0,))
+
+
+def test_rules_without_registers_decide_as_well() -> None:
+    rule = {"name": "arm", "links": ["any"], "collision": {"force": 50.0}}
+    rules = ReactionRules.model_validate({"rules": [rule]})
+    listener = ReactionListener(rules, SCENE, None)
+    try:
+        for t in (0.0, 0.002):
+            listener.receive(sample(t), estimate(t, contact(newtons=100.0)))
+        listener.tick(time.monotonic())
+        kinds = [r["event"]["kind"] for r in listener.take_reports() if r["type"] == "event"]
+        assert kinds == ["collision"]
+    finally:
+        listener.close()
 
 
 def test_registers_that_are_not_written_are_not_told_to_be() -> None:
