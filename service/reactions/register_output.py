@@ -41,7 +41,8 @@ class RegisterOutput:
         """Choose among the active levels."""
         shown = [decision for decision in active if self._name in decision.actions]
         chosen = max(shown, key=lambda each: (each.level == "collision", each.t), default=None)
-        self._chosen = self.shown = chosen
+        if chosen != self._chosen:  # of one that goes on, the present force is shown
+            self._chosen = self.shown = chosen
 
     def follow(self, engine: Engine, estimate: Estimate) -> None:
         """Show force and place as estimated now; of a contact that has ended, those with which the level
