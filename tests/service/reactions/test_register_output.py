@@ -1,7 +1,10 @@
 """Which decision the registers show, and with which force."""
 
+from typing import Any, cast
+
 from contactsense.service.reactions.actions.registers import RegistersAction
 from contactsense.service.reactions.register_output import RegisterOutput
+from contactsense.service.reactions.rtde_inputs import RtdeInputs
 from tests.service.reactions.engines import engine, rule, run
 from tests.service.reactions.estimates import contact, estimate
 
@@ -25,3 +28,30 @@ def test_the_present_force_stays_where_another_level_begins_or_ends() -> None:
     run(machine, estimate(0.2))
     output.select(machine.active)
     assert output.shown is None
+
+
+class Inputs:
+    """A controller that takes all that is written."""
+
+    def __init__(self) -> None:
+        self.written: list[tuple[Any, ...]] = []
+
+    def write(self, _: str, values: tuple[Any, ...]) -> bool:
+        """As `RtdeInputs.write`."""
+        self.written.append(values)
+        return True
+
+
+def test_nothing_is_written_before_the_latches_of_an_earlier_process_are_known() -> None:
+    """A robot program would take the collision for acknowledged."""
+    inputs, tell = Inputs(), RegistersAction(type="registers", period=0.02)
+    output = RegisterOutput(tell, "tell", cast(RtdeInputs, inputs))
+    assert not output.write(1.5, False, 10.0)
+    assert (inputs.written, output.problem) == ([], "the latched collisions of before are not known yet")
+    output.latches_known = True
+    assert output.problem == "not connected"
+    assert output.is_due(10.0)
+    for now in (10.0, 10.02):
+        assert output.write(1.5, True, now)
+        assert [output.is_due(now + after) for after in (0.0, 0.01, 0.02)] == [False, False, True]
+    assert inputs.written == [(0, 0.0, beat, False, False, True) for beat in (True, False)]
