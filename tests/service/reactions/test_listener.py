@@ -241,18 +241,41 @@ def test_rules_without_registers_decide_as_well() -> None:
         listener.close()
 
 
-def test_registers_that_are_not_written_are_not_told_to_be() -> None:
+@pytest.fixture
+def unconnected() -> Iterator[ReactionListener]:
+    """A listener whose controller does not answer."""
     with socket.create_server(("127.0.0.1", 0)) as mute:
-        port = mute.getsockname()[1]
-        rules = ReactionRules.model_validate({**RULES, "robot": {"rtde_port": port}})
+        rules = ReactionRules.model_validate({**RULES, "robot": {"rtde_port": mute.getsockname()[1]}})
         listener = ReactionListener(rules, SCENE, "127.0.0.1")
-        try:
-            listener.command({"type": "restore", "decisions": []})
-            listener.receive(sample(0.0), estimate(0.0, contact(newtons=20.0)))
-            events = [report["event"] for report in listener.take_reports() if report["type"] == "event"]
-            assert ("tell", "failed: not connected") in [(e["action"], e["reason"]) for e in events]
-        finally:
-            listener.close()
+        yield listener
+        listener.close()
+
+
+def test_a_service_that_does_not_tell_what_was_latched_is_waited_for_for_a_second(
+    unconnected: ReactionListener,
+) -> None:
+    registers = unconnected._registers
+    assert registers is not None
+    for now, known in ((100.0, False), (100.9, False), (101.1, True)):
+        unconnected.tick(now)
+        assert registers.latches_known == known
+
+
+def test_without_estimates_the_degraded_bit_is_set(unconnected: ReactionListener) -> None:
+    seen = []
+    for now, estimated in ((100.0, False), (100.01, True), (100.1, False), (100.2, False), (100.21, True)):
+        if estimated:
+            unconnected.receive(sample(now), estimate(now))
+        unconnected.tick(now)
+        seen.append(unconnected._degraded)
+    assert seen == [True, False, False, True, False]
+
+
+def test_registers_that_are_not_written_are_not_told_to_be(unconnected: ReactionListener) -> None:
+    unconnected.command({"type": "restore", "decisions": []})
+    unconnected.receive(sample(0.0), estimate(0.0, contact(newtons=20.0)))
+    events = [report["event"] for report in unconnected.take_reports() if report["type"] == "event"]
+    assert ("tell", "failed: not connected") in [(e["action"], e["reason"]) for e in events]
 
 
 def test_a_latch_is_reported_at_once_and_restored_by_the_next_process() -> None:
