@@ -1,6 +1,7 @@
 """Reactions in the pipeline's process: decides right after the localizer's step and writes registers at once.
 Passes webhooks to the service and all other actions to the executor's process."""
 
+import time
 from collections.abc import Sequence
 from typing import Any, TypeVar
 
@@ -209,7 +210,8 @@ class ReactionListener:
         elif isinstance(action, WebhookAction):
             self._reports.webhook(name, decision)
         else:
-            problem = self._executor.start(name, decision.as_dict(), self._now)
+            # Not the time of the latest tick: if this process stood still, that is long past.
+            problem = self._executor.start(name, decision.as_dict(), time.monotonic())
             if problem:
                 self._reports.result(name, False, problem, origin=decision.origin)
 

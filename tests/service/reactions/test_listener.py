@@ -241,6 +241,25 @@ def test_rules_without_registers_decide_as_well() -> None:
         listener.close()
 
 
+def test_what_becomes_of_a_command_is_told_also_without_registers_and_slider() -> None:
+    """It does not hang because the latest tick, here none, was long ago."""
+    rules = {
+        "actions": {"run": {"type": "command", "command": ["true"], "timeout": 60.0}},
+        "inputs": RULES["inputs"],
+        "rules": [{"name": "arm", "links": ["any"], "collision": {"force": 50.0, "actions": ["run"]}}],
+    }
+    with rtde_server() as server:
+        made = Play(server, rules)
+        try:
+            made.step(estimate(0.0, contact(newtons=60.0)))
+            made.until(lambda: made.events("action"))
+            (event,) = made.events("action")
+            assert (event["action"], event["reason"]) == ("run", "done: exit status 0")
+            assert (event["rule"], event["link"]) == ("arm", "forearm")
+        finally:
+            made.listener.close()
+
+
 @pytest.fixture
 def unconnected() -> Iterator[ReactionListener]:
     """A listener whose controller does not answer."""
