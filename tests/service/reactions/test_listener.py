@@ -290,6 +290,18 @@ def test_without_estimates_the_degraded_bit_is_set(unconnected: ReactionListener
     assert seen == [True, False, False, True, False]
 
 
+def test_windows_that_open_and_close_are_told_and_no_others(unconnected: ReactionListener) -> None:
+    for kind, name in (
+        ("announce", "insert"), ("announce", "remove"), ("withdraw", "remove"), ("withdraw", "insert"),
+        ("withdraw", "insert"), ("announce", "insert"), ("withdraw", None), ("withdraw", None),
+    ):  # fmt: skip
+        unconnected.command({"type": kind, "name": name})
+    events = [report["event"] for report in unconnected.take_reports() if report["type"] == "event"]
+    opened = "insert: the window is open"
+    assert [event["reason"] for event in events] == [opened, "insert: closed", opened, "all: closed"]
+    assert {event["kind"] for event in events} == {"expected"}
+
+
 def test_registers_that_are_not_written_are_not_told_to_be(unconnected: ReactionListener) -> None:
     unconnected.command({"type": "restore", "decisions": []})
     unconnected.receive(sample(0.0), estimate(0.0, contact(newtons=20.0)))
