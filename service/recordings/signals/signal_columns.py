@@ -48,6 +48,11 @@ class SignalColumns:
         self.absent: list[Problem] = []
         """Sensors of the scene that the file does not have, or not as the scene says."""
         if mapping.timestamp not in names:
+            if {"tick", "arrival", "base_wrench_0"} <= set(names):
+                raise RecordingError(
+                    f"{self._name}: expected a table of samples, got one of force/torque readings; "
+                    "`contactsense record` writes both, samples-*.parquet and wrench-*.parquet"
+                )
             self._missing("timestamp", mapping.timestamp)
         if changed := other_arm(table.meta, scene):
             self.absent.append(Problem(0, 0, "other_arm", changed))

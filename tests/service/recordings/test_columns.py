@@ -75,6 +75,14 @@ def test_another_torque_signal_of_the_file_is_named(tmp_path: Path) -> None:
     assert read(path, currents).joint_torque is not None
 
 
+def test_a_table_of_force_torque_readings_is_told_from_one_of_samples(tmp_path: Path) -> None:
+    """`recordings/*.parquet` names both of `contactsense record`."""
+    wrench = {name: values for name, values in columns().items() if name.startswith("base_wrench")}
+    path = as_parquet(tmp_path, {"tick": np.arange(N), "arrival": np.arange(N, dtype=float), **wrench})
+    with pytest.raises(RecordingError, match=r"expected a table of samples, got one of force/torque readi"):
+        read(path, SCENE)
+
+
 def test_currents_under_other_names_are_named_by_the_scene(tmp_path: Path) -> None:
     """As joint torques of `--columns` they would be taken for Nm, a tenth of what they mean."""
     names = [f"strom{i}" for i in range(6)]
