@@ -24,7 +24,7 @@ from contactsense.scene import Scene, SceneError
 from contactsense.service.cli.calibration_doubts import doubts
 from contactsense.service.cli.calibration_page import Section, channels, page, reasons_against
 from contactsense.service.cli.options.output_file import check_writable
-from contactsense.service.cli.recordings_once import each_once
+from contactsense.service.cli.options.recordings_once import each_once
 from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError
 from contactsense.service.recordings.free_motion import read_free_motion
 from contactsense.service.recordings.problem_lines import problem_lines

@@ -16,8 +16,8 @@ from contactsense.service.api.sample_source import reader_settings
 from contactsense.service.api.settings import Settings, SettingsError
 from contactsense.service.cli.options.finite_range import FiniteRange
 from contactsense.service.cli.options.option_names import as_options
+from contactsense.service.cli.options.recordings_once import each_once
 from contactsense.service.cli.options.sensor_options import from_environment, sensor_options
-from contactsense.service.cli.recordings_once import each_once
 from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError
 from contactsense.service.recordings.free_motion import read_free_motion
 from contactsense.service.recordings.problem_lines import problem_lines
