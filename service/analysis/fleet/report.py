@@ -64,7 +64,7 @@ def _content(summary: FleetSummary) -> dict[str, Any]:
         "summary": summary,
         "when": _when({day for robot in summary.robots for day in robot.dates}),
         "recordings": sum(robot.recordings for robot in summary.robots),
-        "hours": f"{hours:.2f}",
+        "hours": _hours(hours),
         "rate": _rate(table.num_rows, hours),
         "robots": _table(summary),
         "charts": _charts(summary),
@@ -130,6 +130,10 @@ def _percent(share: float | None) -> str:
     return "unknown" if share is None else f"{100.0 * share:.1f} %"
 
 
+def _hours(hours: float) -> str:
+    return f"{hours:.2f}" if hours >= 0.1 or not hours else f"{hours:.2g}"  # of a single short recording
+
+
 def _rate(count: int, hours: float) -> str:
     return f"{count / hours:.2f}" if hours else "unknown"
 
@@ -147,7 +151,7 @@ def _robot(row: dict[str, Any], joints: list[str]) -> dict[str, Any]:
     return {
         "robot": row["robot"],
         "recordings": row["recordings"],
-        "hours": f"{row['hours']:.2f}",
+        "hours": _hours(row["hours"]),
         "contacts": row["contacts"],
         "rate": _rate(row["contacts"], row["hours"]),
         "touched": _percent(row["touched"]),

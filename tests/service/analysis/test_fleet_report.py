@@ -57,6 +57,16 @@ def test_an_assumption_that_not_all_robots_share_names_those_that_do(tmp_path: P
         assert "arm03: Robot ur5e, mounting ceiling" in text
 
 
+def test_a_short_recording_lasts_longer_than_nothing(tmp_path: Path) -> None:
+    robots = (RobotSummary("a", Scene(robot="ur5e"), recordings=1, hours=0.0021),)
+    write_fleet_report(FleetSummary(robots, summarize({}, [], []).contacts, (), 0), tmp_path)
+    for name in ("fleet.html", "fleet.md"):
+        text = (tmp_path / name).read_text()
+        assert "0.0021 h" in text
+        assert "0 contacts" in text
+    assert "| a | 1 | 0.0021 | 0 |" in (tmp_path / "fleet.md").read_text()
+
+
 @pytest.mark.slow
 def test_forces_that_sensors_did_not_determine_are_told(tmp_path: Path) -> None:
     """Robot a measures everything, the base sensor of b is silent for a while, and c has recordings without
