@@ -24,11 +24,14 @@ from contactsense.robots.jit.lanes import LANES
 `X` to `NZ`, `SPREAD`, `TILT`: centre [m], outward unit normal, standard deviation [m] and tilt [rad] of the
 cell, link frame, see `contactsense.localization.surface.surface_samples`.
 `BOUND`: lower bound of its energy, infinite if `contactsense.localization.surface_search.energy_bound`
-excludes it. `T1X` to `T2Z`: unit tangents. `W0` to `W5`, `A00` to `A55`: measured wrench and its information
-matrix (upper triangle), about the cell's centre, in the axes of normal and tangents. `RATIO_INFORMATION`:
-inverse variance of the friction ratio. `LOG_FORCE`, `ALPHA`, `BETA`, `CHI`, `V1`, `V2`: the unknowns, see
-`contactsense.localization.surface_search.laplace_evidence`; `FORCE`: normal force [N]. `ACTIVE`, 1 while the
-iteration goes on, else 0; `DET`, determinant of the Gauss-Newton matrix (0 if it is not positive definite).
+excludes it.
+`T1X` to `T2Z`: unit tangents. `W0` to `W5`, `A00` to `A55`: measured wrench and its information matrix
+(upper triangle), about the cell's centre, in the axes of normal and tangents.
+`RATIO_INFORMATION`: inverse variance of the friction ratio.
+`LOG_FORCE`, `ALPHA`, `BETA`, `CHI`, `V1`, `V2`: the unknowns, see
+`contactsense.localization.surface_search.laplace_evidence`; `FORCE`: normal force [N].
+`ACTIVE`, 1 while the iteration goes on, else 0; `DET`, determinant of the Gauss-Newton matrix (0 if it is not
+positive definite).
 Results: `ENERGY`; `LOG_EVIDENCE`, log of the mean evidence over the cell, up to the constant of the noise
 (infinity and -infinity if the energy is above the limit); `V11`, `V12`, `V22`, covariance of the place along
 the tangents [m^2]; `PX` to `FZ`, the most probable point [m] and force [N], link frame.

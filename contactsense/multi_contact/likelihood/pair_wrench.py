@@ -28,7 +28,9 @@ def fill_pair_wrench(
 
     Args:
         model, seeding: As for `contactsense.multi_contact.seeding.seed_search.find_seeds`, without known
-            contacts. samples: Indices of the samples. explanations: Filled in row t.
+            contacts.
+        samples: Indices of the samples.
+        explanations: Filled in row t.
     """
     rows, m = model.measurement
     F, z = seeding.factor, seeding.weighted_innovation

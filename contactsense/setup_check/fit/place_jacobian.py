@@ -12,8 +12,8 @@ def place_jacobian(sensor: SensorSetup, reading: np.ndarray, error: np.ndarray) 
     velocities, as the moments have: a fit would move the sensor to where that noise is smaller, by decimetres
     where the motion is slow. The noise of the measured force is not in the moments, so neither biases the
     place: the measured force is an instrumental variable, as in
-        `contactsense.calibration.residuals.residual_jacobian`. On average it is taken to be the force by the
-        model, since a bias is no force.
+    `contactsense.calibration.residuals.residual_jacobian`. On average it is taken to be the force by the
+    model, since a bias is no force.
 
     Args:
         sensor: What is assumed about the sensor.

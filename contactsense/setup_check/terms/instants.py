@@ -58,12 +58,12 @@ class Instants:
         return (len(self.motion) - self.start) // self.stride
 
     def averages(self, means: np.ndarray) -> np.ndarray:
-        """Values at the nodes, shape (M, 5, ...), from the means over each interval, shape (N, ...)."""
+        """Values at the nodes, shape (M, 5, ...), from those of the intervals, shape (intervals, ...)."""
         near = range(-_AVERAGED, _AVERAGED + 1)
         return np.asarray(sum(means[self.nodes + k] for k in near) / len(near))
 
     def averages_of(self, values: np.ndarray) -> np.ndarray:
-        """The same from the values at all samples of the recording."""
+        """The same from the values at all samples of the recording, shape (N, ...)."""
         end = self.start + self.intervals * self.stride
         used = values[self.motion[self.start : end]]
         return self.averages(used.reshape(self.intervals, self.stride, *values.shape[1:]).mean(axis=1))

@@ -24,8 +24,8 @@ class Command(IntEnum):
     STOP_SCRIPT = 255
 
 
-class Commanded(Protocol):
-    """What a program commands: the controller that executes it."""
+class CommandedController(Protocol):
+    """What a program needs of the controller that executes it."""
 
     motion: MotionGenerator
     popup: str
@@ -50,7 +50,7 @@ class ProgramRunner:
         controller: The controller that executes it.
     """
 
-    def __init__(self, program: Program, controller: Commanded) -> None:
+    def __init__(self, program: Program, controller: CommandedController) -> None:
         self._program = program
         self._controller = controller
         self._waiting = list(program.statements)
@@ -132,7 +132,7 @@ class ControlInterface:
     2. The next command may follow when the command is 0 again and the output register is 1.
     """
 
-    def __init__(self, program: Program, controller: Commanded) -> None:
+    def __init__(self, program: Program, controller: CommandedController) -> None:
         self._controller = controller
         self._offset = program.register_offset
         self._running = False

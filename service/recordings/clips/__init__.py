@@ -1,2 +1,1 @@
-"""Clips in a folder: what their files are called, what they say, and which repeat the samples of a
-recording."""
+"""Clips in a folder: names and contents of their files, and which repeat the samples of a recording."""

@@ -133,8 +133,11 @@ class BagFile:
                     found[topic] = kind
                     if topic in wanted:
                         message = _deserialized(store, data, kind)
-                        damaged += message is None
-                        messages.setdefault(topic, []).extend(() if message is None else (message,))
+                        of_topic = messages.setdefault(topic, [])
+                        if message is None:
+                            damaged += 1
+                        else:
+                            of_topic.append(message)
             except (OSError, ValueError, KeyError) as error:
                 problem = f"{problem}; {file.name}: {error}"
             if damaged:
