@@ -53,7 +53,11 @@ class PickedUpPayload:
         self.mass = 0.0
         """Mass of the payload, without the scene's tool [kg]."""
         self._unloaded: tuple[float, np.ndarray, np.ndarray] | None = None
-        self._last_check, self._last_force, self._steady_checks = 0.0, 0.0, 0
+        self._begin_contact(0)
+
+    def _begin_contact(self, number: int) -> None:
+        """Start without a test of the contact with that number."""
+        self._contact, self._last_check, self._last_force, self._steady_checks = number, 0.0, 0.0, 0
 
     def step(self) -> float | None:
         """Test the current contact, which keeps its position.
@@ -61,9 +65,11 @@ class PickedUpPayload:
         Returns:
             Change of the payload's mass [kg]; `State.model` includes it already. None: not a payload.
         """
-        age = self._state.track.status[0].age
-        if age < MIN_DURATION:
-            self._last_check, self._steady_checks = 0.0, 0
+        status = self._state.track.status[0]
+        number, age = int(status.number), status.age
+        # One that is resumed keeps its number, but is as young as another.
+        if number != self._contact or age < self._last_check:
+            self._begin_contact(number)
         if age < max(MIN_DURATION, self._last_check + CHECK_INTERVAL):
             return None
         self._last_check = age

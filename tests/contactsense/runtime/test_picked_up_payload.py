@@ -7,6 +7,7 @@ from contactsense import JointTorqueSensor, Localizer, Sample, Scene, WrenchSens
 from contactsense.kinematics.inverse_dynamics import inverse_dynamics
 from contactsense.kinematics.model import build_model, empty_motion
 from contactsense.robots.tool import Tool
+from contactsense.runtime.picked_up_payload import CHECK_INTERVAL
 from contactsense.scene_model.arm_model import model_with_tool
 from tests.plain_arm import plain_ur5e
 
@@ -50,6 +51,21 @@ def _stream(
     return samples
 
 
+def _with_push(samples: list[Sample], angle: float, since: float, until: float) -> list[Sample]:
+    """The same, with a push on the flange as strong as the weight, at that angle to gravity [rad]."""
+    model, motion = build_model(ARM), empty_motion(6)
+    torque, wrench = np.empty(6), np.empty(6)
+    inverse_dynamics(model, POSTURE, np.zeros(6), np.zeros(6), np.zeros(3), motion, torque, wrench)
+    f = 9.81 * MASS * np.array([np.sin(angle), 0.0, -np.cos(angle)])
+    w = np.concatenate((f, np.cross(motion.origin[6], f)))
+    return [
+        Sample(s.t, s.q, s.qd, np.subtract(s.joint_torque, motion.screw @ w), np.add(s.base_wrench, w))  # type: ignore[arg-type]
+        if since < s.t < until
+        else s
+        for s in samples
+    ]
+
+
 def test_a_payload_is_picked_up_carried_and_put_down(localizer: Localizer) -> None:
     turn = 2.0 * np.pi
     estimates = list(localizer.run(_stream(4.4 + turn, (1.0, 3.0 + turn), (2.5, 2.5 + turn))))
@@ -71,21 +87,23 @@ def test_a_payload_is_picked_up_carried_and_put_down(localizer: Localizer) -> No
 @pytest.mark.parametrize("angle", [0.15, 0.4])
 def test_a_push_not_along_gravity_remains_a_contact(localizer: Localizer, angle: float) -> None:
     """As strong as the weight, at the flange, but not quite along gravity."""
-    samples = _stream(3.0, (9.0, 9.0))
-    model, motion = build_model(ARM), empty_motion(6)
-    torque, wrench = np.empty(6), np.empty(6)
-    inverse_dynamics(model, POSTURE, np.zeros(6), np.zeros(6), np.zeros(3), motion, torque, wrench)
-    f = 9.81 * MASS * np.array([np.sin(angle), 0.0, -np.cos(angle)])
-    w = np.concatenate((f, np.cross(motion.origin[6], f)))
-    pushed = [
-        Sample(s.t, s.q, s.qd, np.subtract(s.joint_torque, motion.screw @ w), np.add(s.base_wrench, w))  # type: ignore[arg-type]
-        if s.t > 1.0
-        else s
-        for s in samples
-    ]
+    pushed = _with_push(_stream(3.0, (9.0, 9.0)), angle, 1.0, 9.0)
     estimates = list(localizer.run(pushed))
     assert not any(event.kind == "weight" for e in estimates for event in e.events)
     assert estimates[-1].contacts or estimates[-1].other > 0.5
+
+
+def test_a_long_contact_before_does_not_delay_the_test_of_a_payload(localizer: Localizer) -> None:
+    """At this bandwidth a contact holds its position only when it is old enough for a test already."""
+    slow = Localizer(localizer.scene.model_copy(update={"bandwidth": 2.0}))
+    alone = _stream(11.0, (7.0, 99.0))
+    after_push = _with_push(alone, 0.4, 1.0, 5.0)
+    first, second = (
+        [event.t for e in slow.run(samples) for event in e.events if event.kind == "weight"]
+        for samples in (alone, after_push)
+    )
+    assert len(first) == 1
+    assert second == pytest.approx(first, abs=CHECK_INTERVAL)
 
 
 def test_a_payload_is_a_contact_without_picks_up(localizer: Localizer) -> None:
