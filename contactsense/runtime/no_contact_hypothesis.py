@@ -10,7 +10,7 @@ from contactsense.kinematics.spatial import component_about, dot6, quadratic_for
 from contactsense.residuals.bias_filter import update, update_is_due
 from contactsense.residuals.friction_at_rest import TorqueVariance, energy_beyond_static_friction
 from contactsense.residuals.model_correction import apply_correction
-from contactsense.residuals.observers import first_torque, parts_of
+from contactsense.residuals.observers import parts_of
 from contactsense.residuals.residual_ewma import share_in_average
 from contactsense.residuals.wrench_velocity_error import noise_share_in_average, of_link_sensor
 from contactsense.robots.jit.array_views import copy
@@ -249,8 +249,21 @@ def update_bias_filter(
         state.observers,
         constants.link_sensors.first_body,
     )
+    _correct_memory(state)
+
+
+@inlined_kernel
+def _correct_memory(state: State) -> None:
+    """Shift what is remembered of residuals and momenta as a correction has just shifted those of the
+    observers, so that the next sample finds no change."""
+    n, count = state.torque.shape[0], state.link_wrench.shape[0]
+    average = parts_of(state.ewma.mean, n, count)
     for j in range(n):
         change = state.observers.joints.residual[j] - state.torque[j]
-        state.ewma.mean[first_torque(n) + j] += change
+        average.torque[j] += change
         for k in range(state.friction_at_rest.mean_residual.shape[0]):
             state.friction_at_rest.mean_residual[k, j] += change
+    for s in range(count):
+        for i in range(6):
+            average.link_wrench[s, i] += state.observers.links.residual[s, i] - state.link_wrench[s, i]
+    copy(state.observers.joints.momentum, state.timing_error.momentum)
