@@ -1,5 +1,5 @@
-"""A correction of the masses changes residuals and momenta at once; what is remembered of earlier ones follows,
-so that it is taken neither for a contact nor for a sudden change of the motion."""
+"""A correction of the masses changes residuals and momenta at once. What is remembered of earlier ones
+follows, so that it is taken neither for a contact nor for a sudden change of the motion."""
 
 from dataclasses import replace
 
