@@ -23,6 +23,7 @@ from contactsense.runtime.result_rows import (
 )
 from contactsense.runtime.state import State
 from contactsense.scene_model.constants import Constants
+from contactsense.sensors.stream_state import TORQUE
 from contactsense.sensors.usable_sensors import usable_residuals_code, usable_sensors
 from contactsense.tracking.contact_track import NONE
 from contactsense.tracking.contact_tracker import choose_window, update_phase
@@ -64,7 +65,8 @@ def localize(
     )
     has_base, has_torque, link_sensors = usable_sensors(stream)
     base_noise = (state.base_noise, state.base_velocity_error.noise)
-    slid = choose_window(constants.sensors, base_noise, track, state.motion, has_base, dt, bandwidth)
+    torque_noise = (constants.sensors.torque_variance, state.noise_scale.noise[TORQUE].scale)
+    slid = choose_window(torque_noise, base_noise, track, state.motion, has_base, dt, bandwidth)
     update_phase(track, slid, dt, bandwidth)
     window = track.status[0].window
     if window > 0:

@@ -19,7 +19,6 @@ import math
 
 import numpy as np
 
-from contactsense.isolation.link_hypotheses import SensorModel
 from contactsense.kinematics.model import Motion
 from contactsense.kinematics.spatial import Six, dot6
 from contactsense.residuals.observers import first_torque
@@ -50,7 +49,7 @@ HOLD_TIME_CONSTANTS = 20.0
 
 @kernel
 def choose_window(
-    sensors: SensorModel,
+    torque_noise: tuple[np.ndarray, float],
     base_noise: tuple[np.ndarray, np.ndarray],
     track: ContactTrack,
     motion: Motion,
@@ -66,7 +65,8 @@ def choose_window(
     example, and 4 disagrees with 0, then 4 becomes a copy of 3, and 3 is the longest that can be used.
 
     Args:
-        sensors: Noise of one sample of the joint torques.
+        torque_noise: Stated variance of each joint torque's noise in one sample, shape (n,) [Nm^2], and that
+            of the stream in units of it (`contactsense.residuals.noise_scale`).
         base_noise: Covariance of white noise of the base wrench, see `contactsense.runtime.state.State`, and
             that of the newest residual due to the velocities' noise, which is a part of it, shape (6, 6).
         track: Changed in place: the chosen window, and windows that are restarted.
@@ -91,7 +91,10 @@ def choose_window(
     for i in range(1, WINDOWS):
         max_distance = -1.0
         for j in range(i):
-            distance = _position_distance(track, i, j) if has_base else _torque_distance(sensors, track, i, j)
+            if has_base:
+                distance = _position_distance(track, i, j)
+            else:
+                distance = _torque_distance(torque_noise, track, i, j)
             max_distance = max(max_distance, distance)
         if max_distance > DISAGREE:
             slid = slid or (has_base and not _is_ending(track))
@@ -220,14 +223,16 @@ def _position_distance(track: ContactTrack, i: int, j: int) -> float:
 
 
 @kernel
-def _torque_distance(sensors: SensorModel, track: ContactTrack, i: int, j: int) -> float:
-    """Distance between the torques of two windows, in the unit of `AGREE`."""
-    n = sensors.torque_variance.shape[0]
+def _torque_distance(torque_noise: tuple[np.ndarray, float], track: ContactTrack, i: int, j: int) -> float:
+    """Distance between the torques of two windows, in the unit of `AGREE`; `torque_noise`: as for
+    `choose_window`."""
+    variance, scale = torque_noise
+    n = variance.shape[0]
     index = first_torque(n)
     squared_distance = 0.0
     for k in range(n):
         d = track.mean[i, index + k] - track.mean[j, index + k]
-        squared_distance += d * d / (sensors.torque_variance[k] * track.windows[j].variance_ratio)
+        squared_distance += d * d / (scale * variance[k] * track.windows[j].variance_ratio)
     return float((squared_distance - n) / math.sqrt(2.0 * n))
 
 

@@ -296,8 +296,8 @@ def test_a_sustained_contact_begins_with_the_average_that_showed_it(sustained: b
     average_windows(track, ewma, observers, 0.06, 2, 0.002, 10.0)
     motion, scene = empty_motion(6), Scene(robot=ARM, base_wrench=None)
     sensors = build_constants(scene).sensors
-    noise = (sensors.base_covariance, np.zeros((6, 6)))
-    assert not choose_window(sensors, noise, track, motion, False, 0.002, 10.0)
+    base_noise, torque_noise = (sensors.base_covariance, np.zeros((6, 6))), (sensors.torque_variance, 1.0)
+    assert not choose_window(torque_noise, base_noise, track, motion, False, 0.002, 10.0)
     np.testing.assert_array_equal(track.mean[0, first_torque(6) : first_torque(6) + 6], 1.0)
     if sustained:
         np.testing.assert_array_equal(track.mean[1:], 2.0)
