@@ -6,7 +6,7 @@ import numpy as np
 
 from contactsense.robots.jit.kernel import inlined_kernel, kernel
 from contactsense.robots.surface.signed_distance_grid import Grids, intersect_skin
-from contactsense.robots.vectors import add, rotate, rotate_back, subtract, vector
+from contactsense.robots.vectors import add, dot, rotate, rotate_back, subtract, vector
 from contactsense.runtime.result_rows import (
     FIRST_COVARIANCE,
     FIRST_FORCE,
@@ -51,8 +51,8 @@ class CandidateRow(NamedTuple):
 def write_candidates(constants: Constants, state: State, skin: Grids, count: int, rows: np.ndarray) -> int:
     """Write those of the first `count` candidates in `state` that are probable enough; returns how many.
 
-    Where `skin` has a grid for the link, point and normal are those where the line of action crosses the
-    skin. Shifting a force along its line does not change its wrench, so that point explains the measurement
+    Where `skin` has a grid for the link, point and normal are those where the line of action enters the skin.
+    Shifting a force along its line does not change its wrench, so that point explains the measurement
     equally well.
     """
     candidates = state.candidates
@@ -80,10 +80,10 @@ def write_row(constants: Constants, state: State, skin: Grids, found: CandidateR
     row[PROBABILITY], row[TORSION] = found.probability, found.torsion
     c, n = rotate_back(R, subtract(vector(found.point), o)), vector(found.normal)
     if link < skin.shape.shape[0]:
-        distance, point, normal = intersect_skin(
-            skin, link, c, rotate_back(R, vector(found.force)), SKIN_STEPS
-        )
-        if abs(distance) < SKIN_TOLERANCE:
+        force = rotate_back(R, vector(found.force))
+        distance, point, normal = intersect_skin(skin, link, c, force, SKIN_STEPS)
+        # At a rib or an edge, the line may leave the link at the nearest skin: there the force would pull.
+        if abs(distance) < SKIN_TOLERANCE and dot(force, normal) < 0.0:
             c, n = point, rotate(R, normal)
     base = add(o, rotate(R, c))
     for i in range(3):

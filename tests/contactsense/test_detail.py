@@ -10,6 +10,7 @@ from contactsense import JointTorqueSensor, Localizer, Scene, SceneError, Wrench
 from contactsense.benchmarks.accuracy.calibration import judge, summarize
 from contactsense.benchmarks.static_truth.cases import COLUMNS
 from contactsense.benchmarks.static_truth.points import read
+from contactsense.output.batch import Batch
 from contactsense.robots.decomposition.mesh_sources import skin_meshes
 from contactsense.scene_model.constants import build_constants
 from contactsense.service.scene.skin_meshes import check_meshes
@@ -60,17 +61,32 @@ def test_with_coarse_primitives_regions_hold_their_share(robot: str, sensors: st
         assert stated.error < 0.02
 
 
-@pytest.mark.slow
-def test_on_the_skin_place_and_normal_are_the_meshs() -> None:
+@pytest.fixture(scope="module")
+def on_skin() -> tuple[dict[str, np.ndarray], Batch]:
+    """Contacts without noise, and the answers of a scene with the skin."""
     data = truth("static_points_ur5e.npz")
     found = Localizer(_scene("ur5e", "skin")).locate_batch(
         data["q"], base_wrench=data["base_wrench"], joint_torque=data["tau"], external=False
     )
+    return data, found
+
+
+@pytest.mark.slow
+def test_on_the_skin_place_and_normal_are_the_meshs(on_skin: tuple[dict[str, np.ndarray], Batch]) -> None:
+    data, found = on_skin
     near = np.linalg.norm(found.point_base - data["c_base"], axis=1) < 1e-3
     assert near.mean() > 0.8
     cosine = np.sum(found.normal_base[near] * data["n_base"][near], axis=1)
     # Facets of the mesh differ from the smooth field at its edges only.
     assert np.median(cosine) > 0.999
+
+
+@pytest.mark.slow
+def test_forces_push_into_the_skin(on_skin: tuple[dict[str, np.ndarray], Batch]) -> None:
+    """At ribs and edges, too, where a line of action may leave the skin beside the place of the contact."""
+    _, found = on_skin
+    push = -np.sum(found.force_base * found.normal_base, axis=1)
+    assert (push[found.link >= 0] > 0.0).all()
 
 
 def test_links_that_cannot_be_touched_cost_nothing() -> None:
