@@ -142,7 +142,9 @@ class StaticLocalizer:
             contacts: Largest number of simultaneous contacts, 1 to 3. With more than one, the status is
                 `multiple` if several explain the measurement better than one.
             known: Contacts that are already present, from one estimate in the same posture by the same
-                sensors: their positions have their covariances as prior. They count towards `contacts`.
+                sensors: their positions have their covariances as prior. They count towards `contacts`. Where
+                they leave more of the measurement than noise, `reason` says so, and a single one is
+                `ambiguous`.
             drift: Standard deviation of the change of each component of their forces since then [N]; given
                 their positions, the forces before it are known as one sample measures them. None: their
                 forces are free, about as large as before or as the sensors measure. The smaller, the better a

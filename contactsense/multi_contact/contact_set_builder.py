@@ -18,6 +18,7 @@ from contactsense.types import Contact, Estimate, Event, Explanation, Phase, Sta
 
 UNRESOLVED_DEVIATION = 0.0225
 """A point with a larger standard deviation is reported as unresolved [m]."""
+NOT_EXPLAINED = "the measurement differs from what these contacts cause by more than noise"
 POINT_UNKNOWNS, FORCE_UNKNOWNS = 2, 3
 """Unknowns of a contact that the priors do not determine: point (2) and force (3)."""
 UNTRACKED: Sequence[tuple[int, Phase]] = [(0, "")] * MAX_CONTACTS
@@ -63,6 +64,7 @@ class ContactSetBuilder:
         reason: str = "",
         tracked: Sequence[tuple[int, Phase]] = (),
         events: tuple[Event, ...] = (),
+        is_explained: bool = True,
     ) -> Estimate:
         """Estimate from sets of contacts.
 
@@ -73,6 +75,7 @@ class ContactSetBuilder:
             reason: Why the estimate is `degraded`, empty if it is not.
             tracked: Number and phase of each contact of a stream, the same in all sets.
             events: Onsets, holds and releases to report.
+            is_explained: Whether noise can be what the first set leaves of the measurement.
         """
         rows, counts, wrench, covariance, rank = found
         if len(counts) == 0:
@@ -92,8 +95,10 @@ class ContactSetBuilder:
         contacts, highest = sets[0].contacts, probabilities[0]
         status: Status = "multiple"
         parts = [reason] if reason else []
+        if not is_explained:
+            parts.append(NOT_EXPLAINED)
         if len(contacts) == 1:
-            status = "contact" if highest >= self._clear else "ambiguous"
+            status = "contact" if highest >= self._clear and is_explained else "ambiguous"
         else:
             parts += self._unresolved(contacts, rank, known_count)
             if highest < self._clear:

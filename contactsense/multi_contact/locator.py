@@ -8,6 +8,7 @@ import numpy as np
 
 from contactsense.multi_contact.arguments import check_arguments
 from contactsense.multi_contact.contact_set_builder import ContactSetBuilder, ContactSets
+from contactsense.multi_contact.energy_limit import energy_limit
 from contactsense.multi_contact.explanations.marginal_probabilities import state_marginal_probabilities
 from contactsense.multi_contact.kernels import explain_contact_sets
 from contactsense.multi_contact.memory.buffers import (
@@ -55,7 +56,7 @@ class MultiContactLocator:
         estimate_builder: EstimateBuilder,
     ) -> None:
         """Prepare for the scene of a `Localizer` and its kernel buffers."""
-        self._constants = kernel_buffers.constants
+        self._scene, self._constants = scene, kernel_buffers.constants
         self._arrays = arrays
         self.buffers = empty_multi_contact_buffers(kernel_buffers.constants)
         self._rows = np.zeros((MAX_EXPLANATIONS * MAX_CONTACTS, WIDTH))
@@ -123,7 +124,8 @@ class MultiContactLocator:
             )
             for contact in known
         ]
-        listed, rank = self.fit(present, int(contacts), known_contacts, math.inf if drift is None else drift)
+        change = math.inf if drift is None else drift
+        listed, rank = self.fit(present, int(contacts), known_contacts, change)
         order = self.explanations.order[:listed]
         best, counts = self.explanations.order[0], self.explanations.contacts[order]
         found = ContactSets(
@@ -133,7 +135,9 @@ class MultiContactLocator:
             self.explanations.wrench_covariance[best],
             rank,
         )
-        return self._builder.sets(0.0, found, len(known))
+        limit = energy_limit(self._scene, present, len(known), change)
+        is_explained = listed == 0 or bool(self.explanations.energy[best] <= limit)
+        return self._builder.sets(0.0, found, len(known), is_explained=is_explained)
 
     def check(self, contacts: int, known: Sequence[Contact], drift: float | None) -> None:
         """Check the arguments of `Localizer.locate`, see `check_arguments`."""

@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contactsense.detection.false_alarm_rate import sample_threshold
-from contactsense.detection.thresholds import degrees_of_freedom_of
+from contactsense.multi_contact.energy_limit import energy_limit
 from contactsense.multi_contact.explanations.marginal_probabilities import SAME_POINT_DISTANCE
 from contactsense.multi_contact.locator import MultiContactLocator
 from contactsense.multi_contact.tracking.tracked_contacts import (
@@ -67,14 +66,8 @@ class MultiHypothesisFilter:
         self.hypotheses: list[Hypothesis] = []
 
     def energy_limit(self, present: Usable, count: int, drift: float) -> float:
-        """Energy of known contacts that noise alone exceeds at the false alarm rate of the scene.
-
-        Each contact has as many unknowns as priors, plus three priors if its force is known.
-        """
-        degrees_of_freedom = degrees_of_freedom_of(self._constants.model.joints, present)
-        if drift < math.inf:
-            degrees_of_freedom += 3 * count
-        return sample_threshold(self._scene.false_alarms_per_hour, degrees_of_freedom, self._scene.bandwidth)
+        """`contactsense.multi_contact.energy_limit.energy_limit` of that many contacts."""
+        return energy_limit(self._scene, present, count, drift)
 
     def evaluate(self, present: Usable) -> list[HypothesisFit]:
         """The hypotheses after this sample, the most probable first; the filter itself is not changed."""

@@ -17,6 +17,7 @@ from contactsense import (
 )
 from contactsense.benchmarks.multi_contact.measure import match
 from contactsense.benchmarks.multi_contact.trials import Push, Trial, Trials
+from contactsense.multi_contact.contact_set_builder import NOT_EXPLAINED
 from contactsense.multi_contact.locator import SEVERAL_CONTACTS
 from tests.plain_arm import plain_ur5e
 
@@ -380,3 +381,31 @@ def test_any_subset_of_sensors_is_sufficient(ordinary: Localizer, present: tuple
     assert estimate.contacts
     for contact in estimate.contacts:
         assert np.isfinite(contact.point_base).all()
+
+
+@pytest.mark.parametrize(
+    ("factor", "status", "reason"), [(1.0, "contact", ""), (-1.0, "ambiguous", NOT_EXPLAINED)]
+)
+@pytest.mark.parametrize("drift", [None, 1.0])
+def test_a_known_contact_must_explain_the_measurement(
+    ordinary: Localizer, factor: float, status: str, reason: str, drift: float | None
+) -> None:
+    """Not one that pulls at the same place."""
+    trial, known = _trial_and_contact(ordinary)
+    base, torque = trial.measure(trial.pushes)
+    found = ordinary.locate(
+        trial.q, base_wrench=factor * base, joint_torque=factor * torque, known=[known], drift=drift
+    )
+    assert (found.status, found.reason) == (status, reason)
+    assert [contact.link for contact in found.contacts] == [known.link]
+
+
+def test_a_third_push_beside_two_contacts_is_told(ordinary: Localizer) -> None:
+    trial = Trials(ordinary.scene, seed=15).draw(3, 20.0, "different")
+    known = _single_contact(ordinary, trial, trial.pushes[0])
+    two, three = (
+        _locate(ordinary, trial, trial.pushes[:count], contacts=2, known=[known], drift=1.0)
+        for count in (2, 3)
+    )
+    assert NOT_EXPLAINED not in two.reason
+    assert NOT_EXPLAINED in three.reason
