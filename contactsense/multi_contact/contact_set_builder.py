@@ -1,5 +1,6 @@
 """Builds the `Estimate` of several simultaneous contacts from result rows."""
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from itertools import islice
@@ -80,9 +81,10 @@ class ContactSetBuilder:
         rows, counts, wrench, covariance, rank = found
         if len(counts) == 0:
             why = "something acts on the arm, but no pushes on touchable links explain it"
-            return self._estimate_builder.without_contacts(
+            none = self._estimate_builder.without_contacts(
                 t, "degraded" if reason else "ambiguous", f"{reason}; {why}".strip("; ")
             )
+            return dataclasses.replace(none, other=1.0)
         if self._has_base and known_count > 0:
             stated, counts = merge_with_answer(rows, counts)
         else:

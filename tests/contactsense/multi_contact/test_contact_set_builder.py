@@ -53,6 +53,19 @@ def test_the_largest_deviation_is_along_an_axis_of_the_ellipsoid(deviations: tup
     assert _largest_deviation(covariance) == pytest.approx(max(deviations), rel=1e-9)
 
 
+def _builder(scene: Scene) -> ContactSetBuilder:
+    constants = build_constants(scene)
+    return ContactSetBuilder(scene, EstimateBuilder(scene, constants, empty_state(constants)))
+
+
+@pytest.mark.parametrize(("reason", "status"), [("", "ambiguous"), ("base_wrench is missing", "degraded")])
+def test_without_a_set_the_answer_is_none_of_these(reason: str, status: str) -> None:
+    no_sets = ContactSets(np.zeros((0, WIDTH)), np.zeros(0, dtype=np.int64), np.zeros(6), np.zeros((6, 6)), 0)
+    found = _builder(Scene(robot="ur5e")).sets(0.0, no_sets, 1, reason)
+    assert (found.status, found.contacts, found.other) == (status, (), 1.0)
+    assert found.reason.startswith(reason)
+
+
 @pytest.mark.parametrize(
     ("sensor", "known_count", "expected"),
     [(WrenchSensor(), 1, [1.0]), (WrenchSensor(), 0, [0.6, 0.4]), (None, 1, [0.6, 0.4])],
@@ -61,9 +74,7 @@ def test_explanations_that_overlap_are_one_where_a_contact_is_known(
     sensor: WrenchSensor | None, known_count: int, expected: list[float]
 ) -> None:
     # Two at once have places that depend on each other; torques alone leave wide densities.
-    scene = Scene(robot="ur5e", base_wrench=sensor)
-    constants = build_constants(scene)
-    builder = ContactSetBuilder(scene, EstimateBuilder(scene, constants, empty_state(constants)))
+    builder = _builder(Scene(robot="ur5e", base_wrench=sensor))
     rows = np.zeros((4, WIDTH))
     rows[:, LINK], rows[:, PROBABILITY] = [2, 3, 2, 3], [0.6, 0.6, 0.4, 0.4]
     rows[:, COVARIANCE] = 1e-4 * np.eye(3).ravel()
