@@ -5,7 +5,7 @@ import io
 import math
 import re
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,8 @@ from contactsense.service.recordings.tables.table import Columns, check_twice, c
 
 _HEAD = 65536
 """Maximum length of the header line of a CSV file [bytes]."""
+_PART = 1 << 20
+"""Length of the parts in which a text is read [bytes]; the rest of a line comes on top."""
 _GZIP = b"\x1f\x8b"
 """The first bytes of a file that is packed with gzip."""
 _DECIMAL_COMMA, _QUOTED_DECIMAL_COMMA = re.compile(rb"\d,\d"), re.compile(rb'"[+-]?\d+,\d+')
@@ -84,22 +86,24 @@ class _Gzip(io.RawIOBase):
         super().close()
 
 
-class _SingleBlanks(io.RawIOBase):
-    """A text whose numbers are in columns, padded with blanks, with one blank between them.
+class _ChangedLines(io.RawIOBase):
+    """A text of which something is changed while it is read, some whole lines at a time.
 
     Args:
         file: The text; closed with this.
+        change: Returns what is read in place of these lines.
     """
 
-    def __init__(self, file: io.BufferedReader) -> None:
-        self._file, self._rest = file, b""
+    def __init__(self, file: io.BufferedReader, change: Callable[[bytes], bytes]) -> None:
+        self._file, self._change, self._rest = file, change, b""
 
     def readable(self) -> bool:
         return True
 
     def readinto(self, buffer: Any) -> int:
-        while not self._rest and (lines := self._file.read(1 << 20) + self._file.readline()):
-            self._rest = _EDGES.sub(b"", _BLANKS.sub(b" ", lines))
+        # A line is limited, too: zeros at the end of a file, which a computer that crashed left, are one.
+        while not self._rest and (lines := self._file.read(_PART) + self._file.readline(_PART)):
+            self._rest = self._change(lines)
         data, self._rest = self._rest[: len(buffer)], self._rest[len(buffer) :]
         buffer[: len(data)] = data
         return len(data)
@@ -107,6 +111,16 @@ class _SingleBlanks(io.RawIOBase):
     def close(self) -> None:
         self._file.close()
         super().close()
+
+
+def _as_utf8(lines: bytes) -> bytes:
+    """Replace what is no UTF-8: Arrow refuses a file in which a row that it skips has such a letter."""
+    return lines if lines.isascii() else lines.decode("utf-8", "replace").encode()
+
+
+def _single_blanks(lines: bytes) -> bytes:
+    """Of numbers in columns, padded with blanks, leave one blank between them."""
+    return _EDGES.sub(b"", _BLANKS.sub(b" ", _as_utf8(lines)))
 
 
 class CsvTable:
@@ -177,7 +191,7 @@ class CsvTable:
                 raise RecordingError(f"{self._path}: {reason(error)}") from None
             # A cell is not a number: read text, convert dates, and mark what cannot be converted.
             self.problems.clear()
-            yield from chosen_rows(self._typed(names, pa.binary()), done, None)  # it may be no UTF-8
+            yield from chosen_rows(self._typed(names, pa.string()), done, None)
 
     def _open(self) -> Any:
         return io.BufferedReader(_Gzip(self._path)) if self._packed else self._path.open("rb")
@@ -193,9 +207,9 @@ class CsvTable:
 
         row = 0
         with self._open() as stream:
-            lines = io.BufferedReader(_SingleBlanks(stream)) if self._padded else stream
+            lines = _ChangedLines(stream, _single_blanks if self._padded else _as_utf8)
             reader = pa_csv.open_csv(
-                lines,
+                io.BufferedReader(lines),
                 read_options=pa_csv.ReadOptions(
                     use_threads=False, block_size=1 << 22, skip_rows=self._skipped, column_names=self.names
                 ),
@@ -239,7 +253,8 @@ class CsvTable:
     def _cells(self, column: pa.Array) -> list[str | None]:
         if self._decimal_commas:
             column = pc.replace_substring(column, ",", ".")
-        return [None if cell is None else cell.decode("utf-8", "replace") for cell in column.to_pylist()]
+        cells: list[str | None] = column.to_pylist()
+        return cells
 
     def _report(self, row_from: int, row_to: int, message: str) -> None:
         self.problems.append(Problem(row_from, row_to, "bad_row", message))

@@ -239,6 +239,16 @@ def test_a_row_with_a_missing_cell_is_ignored_and_a_word_is_no_number(tmp_path: 
     assert len(recording) == N - 1
 
 
+def test_a_row_that_is_ignored_may_be_no_utf8(tmp_path: Path) -> None:
+    """Such as a comment that an operator has written into the table."""
+    lines = text(columns()).splitlines()
+    lines[5] = "début du mouvement"
+    (tmp_path / "a.csv").write_text("\n".join(lines), encoding="latin-1")
+    recording = read(tmp_path / "a.csv", SCENE)
+    np.testing.assert_array_equal(recording.q, np.delete(table(columns(), "actual_q"), 4, axis=0))
+    assert problem_lines(recording.problems) == ("row 4: expected 25 columns, got 1; row ignored",)
+
+
 def test_words_in_rows_that_follow_each_other_are_one_problem(tmp_path: Path) -> None:
     lines = text(columns()).splitlines()
     for row in (2, 3, 4, 9, 20, 21):
