@@ -55,7 +55,7 @@ receives their number, `{"lost": n}`; one that takes nothing for 10 s is dropped
 | route | parameters | messages from the service | closes with |
 | --- | --- | --- | --- |
 | `WS /v1/stream` | `every` (1 to 1000000), `rate` [Hz] | `EstimateOut`, or `{"lost": n}` | 1008, 1012 |
-| `WS /v1/events` | `since` (number of an event) | an event as `GET /v1/events` lists them | 1008, 1012 |
+| `WS /v1/events` | `since` (number of an event) | an event of `GET /v1/events`, or `ErrorOut` | 1008, 1012 |
 | `WS /v1/track` | | an `EstimateOut` for each sample sent, or `ErrorOut` | 1000, 1008, 1011, 1012, 1013 |
 
 Code 1008 follows an `ErrorOut` where a parameter is wrong or unknown. 1012: the service ends or is started

@@ -29,7 +29,7 @@ from contactsense.service.api.settings import Settings, SettingsError
 from contactsense.service.api.tracks import Tracks
 from contactsense.service.controllers.robot_program import NewestEstimate, RobotProgramMethods
 from contactsense.service.controllers.robot_program_servers import RobotProgramServers
-from contactsense.service.events.journal import Journal, JournalError
+from contactsense.service.events.journal import Journal, JournalError, JournalSettings
 from contactsense.service.events.model import ContactEvent
 from contactsense.service.events.open_contacts import OpenContacts
 from contactsense.service.live.hub import Hub
@@ -63,10 +63,7 @@ class Service:
         self.hub = Hub(settings.queue)
         self._settings = settings
         if settings.events.path is not None:
-            try:
-                Journal(settings.events).close()
-            except JournalError as error:
-                raise SettingsError(str(error)) from None
+            _check_journal(settings.events)
         check_folder(settings)
         self.clips = Clips(settings.recording, lambda command: self.runner.send(command))
         self.journal: Journal
@@ -303,6 +300,22 @@ class Service:
             lag=runner.lag,
             reload=self.reloaded,
         )
+
+
+def _check_journal(settings: JournalSettings) -> None:
+    """Read what the service reads when it starts.
+
+    Raises:
+        SettingsError: The file cannot be used.
+    """
+    try:
+        with Journal(settings) as journal:
+            OpenContacts(journal)
+            with contextlib.closing(ReactionStore(journal)) as store:
+                store.load()
+                store.load_lowered()
+    except JournalError as error:
+        raise SettingsError(str(error)) from None
 
 
 def _service(connection: HTTPConnection) -> Service:

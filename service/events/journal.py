@@ -17,6 +17,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from io import FileIO
 from pathlib import Path
+from typing import Any
 
 from pydantic import BaseModel, ConfigDict, PositiveFloat
 
@@ -57,7 +58,7 @@ CREATE TABLE IF NOT EXISTS disabled (action TEXT PRIMARY KEY, url TEXT NOT NULL,
 
 
 class JournalError(RuntimeError):
-    """The journal cannot be opened; the message names the file and the reason."""
+    """The journal cannot be opened or read; the message names the file and the reason."""
 
 
 class JournalSettings(BaseModel):
@@ -132,6 +133,7 @@ class Journal:
         self._clock_step = ClockStep()
         self._subscribers: list[Callable[[ContactEvent], None]] = []
         self._closing = threading.Event()
+        self._unreadable = ""
         self.error = ""
         """What is wrong, such as why the last commit failed, and what follows; empty if nothing is."""
         self._writer = threading.Thread(target=self._write, name="event journal", daemon=True)
@@ -141,6 +143,27 @@ class Journal:
     def database(self) -> sqlite3.Connection:
         """The connection, for other tables in the same file; hold `lock` while using it."""
         return self._database
+
+    def read(self, query: str, values: Sequence[object] = ()) -> list[tuple[Any, ...]]:
+        """Return the rows of a query of this or another table in the file.
+
+        Raises:
+            JournalError: They cannot be read, as the file is damaged there.
+        """
+        try:
+            with self.lock:
+                return self._database.execute(query, values).fetchall()
+        except sqlite3.Error as error:
+            raise self.unreadable(str(error)) from None
+
+    def unreadable(self, why: str) -> JournalError:
+        """The error to raise where something in the file cannot be read; `error` says so from now on."""
+        self._unreadable = (
+            f"{self._settings.path}: the journal cannot be read: {why}: while no service runs, move the file "
+            "away, with the latched collisions in it, or save what can be read: sqlite3 FILE .recover | "
+            "sqlite3 NEW"
+        )
+        return JournalError(self._unreadable)
 
     @property
     def last(self) -> int:
@@ -171,28 +194,32 @@ class Journal:
 
         A number that has not been given yet belongs to another journal, such as a file that was deleted: all
         events are after it.
+
+        Raises:
+            JournalError: Events after it that are no longer in memory cannot be read.
         """
         if number > self._last:
             number = 0
         with self._numbering:  # before the file: an event committed in between is then in both
             waiting = [row for row in self._waiting if row[0] > number and (not kinds or row[1] in kinds)]
+            first = self._waiting[0][0] if self._waiting else self._last + 1
         marks = ",".join("?" * len(kinds))
-        with self.lock:
-            rows = self._database.execute(
-                f"SELECT id, body FROM events WHERE id > ? {f'AND kind IN ({marks})' if kinds else ''} "
-                "ORDER BY id LIMIT ?",
-                (number, *kinds, limit),
-            ).fetchall()
+        of_kinds = f"AND kind IN ({marks})" if kinds else ""
+        query = f"SELECT id, body FROM events WHERE id > ? {of_kinds} ORDER BY id LIMIT ?"
+        # Readers of new events need no file: one that is damaged must not end their streams.
+        rows = self.read(query, (number, *kinds, limit)) if number + 1 < first else []
         newest = rows[-1][0] if rows else number
         return ([body for _, body in rows] + [row[2] for row in waiting if row[0] > newest])[:limit]
 
     def latest(self, limit: int, kinds: Sequence[str]) -> list[str]:
-        """Return at most `limit` committed events of some kinds as JSON, oldest first."""
+        """Return at most `limit` committed events of some kinds as JSON, oldest first.
+
+        Raises:
+            JournalError: They cannot be read.
+        """
         marks = ",".join("?" * len(kinds))
-        with self.lock:
-            rows = self._database.execute(
-                f"SELECT body FROM events WHERE kind IN ({marks}) ORDER BY id DESC LIMIT ?", (*kinds, limit)
-            ).fetchall()
+        query = f"SELECT body FROM events WHERE kind IN ({marks}) ORDER BY id DESC LIMIT ?"
+        rows = self.read(query, (*kinds, limit))
         return [body for (body,) in reversed(rows)]
 
     def flush(self) -> None:
@@ -217,7 +244,7 @@ class Journal:
                     self._database.execute("ROLLBACK")
                 self._forget_oldest()
                 return
-            self.error = self._is_elsewhere()
+            self.error = self._unreadable or self._is_elsewhere()
             with self._numbering:
                 for _ in rows:
                     self._waiting.popleft()
@@ -333,7 +360,7 @@ class Journal:
                 except sqlite3.Error as error:
                     self.error = f"old events cannot be removed from the journal: {error}"
             if not self.error:
-                self.error = self._is_elsewhere()
+                self.error = self._unreadable or self._is_elsewhere()
 
     def _is_elsewhere(self) -> str:
         """What is wrong if somebody has removed, moved or replaced the file: what is written goes to one

@@ -1,5 +1,9 @@
 """Contacts that have begun and not ended, so that each gets a release, also if nobody saw its end."""
 
+from contextlib import suppress
+
+from pydantic import ValidationError
+
 from contactsense.service.events.journal import Journal
 from contactsense.service.events.model import ContactEvent, Kind
 
@@ -19,7 +23,8 @@ class OpenContacts:
     def __init__(self, journal: Journal) -> None:
         self._latest: dict[int, ContactEvent] = {}
         for body in journal.latest(_RECENT, (*_BEGUN, *_ENDED)):
-            self.note(ContactEvent.model_validate_json(body))
+            with suppress(ValidationError):  # of a later version, or damaged
+                self.note(ContactEvent.model_validate_json(body))
 
     def note(self, event: ContactEvent) -> None:
         """Take note of the next event of the journal."""

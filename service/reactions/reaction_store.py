@@ -8,10 +8,14 @@ import threading
 from collections.abc import Sequence
 from typing import Any
 
+from pydantic import TypeAdapter, ValidationError
+
 from contactsense.service.events.journal import Journal
+from contactsense.service.reactions.decision import Decision
 
 _AGAIN = 1.0
 """Time before another attempt to write what could not be written [s]."""
+_DECISION = TypeAdapter(Decision)
 log = logging.getLogger("contactsense")
 
 
@@ -35,17 +39,32 @@ class ReactionStore:
 
     def load(self) -> list[dict[str, Any]]:
         """Return the decisions that were latched when the service last ran, in the form of
-        `Decision.as_dict`."""
-        with self._journal.lock:
-            rows = self._journal.database.execute("SELECT body FROM latches ORDER BY rowid").fetchall()
-        return [json.loads(body) for (body,) in rows]
+        `Decision.as_dict`.
+
+        Raises:
+            JournalError: They cannot be read, so that nobody knows whether a collision is latched.
+        """
+        found = []
+        for rule, body in self._journal.read("SELECT rule, body FROM latches ORDER BY rowid"):
+            try:  # fields of a later version are left out
+                found.append(_DECISION.dump_python(_DECISION.validate_json(body), mode="json"))
+            except ValidationError as error:
+                wrong = f"latched collision of rule {rule}: {error.errors()[0]['msg']}"
+                raise self._journal.unreadable(wrong) from None
+        return found
 
     def load_lowered(self) -> float | None:
         """Return the fraction to which the speed slider was lowered when the service last ran; None: it was
-        not."""
-        with self._journal.lock:
-            row = self._journal.database.execute("SELECT fraction FROM lowered").fetchone()
-        return None if row is None else float(row[0])
+        not.
+
+        Raises:
+            JournalError: It cannot be read.
+        """
+        rows = self._journal.read("SELECT fraction FROM lowered")
+        try:
+            return float(rows[0][0]) if rows else None
+        except ValueError:  # SQLite keeps a text where a number is expected
+            raise self._journal.unreadable(f"lowered speed slider: {rows[0][0]!r:.40}") from None
 
     def save(self, decisions: Sequence[dict[str, Any]]) -> None:
         """Replace the stored decisions by these; returns at once. While the file cannot be written, as on a

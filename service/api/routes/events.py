@@ -2,14 +2,17 @@
 
 import asyncio
 import contextlib
+import json
 from collections.abc import Sequence
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Query, Response, WebSocket, WebSocketDisconnect
 from pydantic import BaseModel, Field
+from starlette.exceptions import HTTPException
 from starlette.requests import HTTPConnection
 
-from contactsense.service.events.journal import Journal
+from contactsense.service.api.messages import ErrorOut, FieldError
+from contactsense.service.events.journal import Journal, JournalError
 from contactsense.service.events.model import ContactEvent, Kind
 
 router = APIRouter()
@@ -39,7 +42,14 @@ def _body(events: Sequence[str], last: int) -> str:
     return f'{{"events":[{",".join(events)}],"last":{last}}}'
 
 
-@router.get("/v1/events", summary="Events of contacts", response_model=EventsOut)
+@router.get(
+    "/v1/events",
+    summary="Events of contacts",
+    response_model=EventsOut,
+    responses={
+        500: {"model": ErrorOut, "description": "The journal's file is damaged: the reason says more."}
+    },
+)
 async def events(
     journal: SharedJournal,
     since: Annotated[int, Query(ge=0, le=2**62, description="Number of the last event that is known.")] = 0,
@@ -51,7 +61,10 @@ async def events(
     A `since` beyond the last number is of another journal: all events are listed.
     """
     last = journal.last
-    found = await asyncio.to_thread(journal.since, since, limit, kind or ())
+    try:
+        found = await asyncio.to_thread(journal.since, since, limit, kind or ())
+    except JournalError as error:
+        raise HTTPException(500, str(error)) from None
     return Response(_body(found, last), media_type="application/json")
 
 
@@ -64,7 +77,8 @@ async def event_stream(
     """Each event as JSON text: those after number `since` first, then live; without `since` live only.
     A `since` beyond the last number is of another journal: all its events come first.
 
-    Events for a slow reader wait in the journal, not in memory.
+    Events for a slow reader wait in the journal, not in memory. Where they cannot be read, as its file is
+    damaged, an `ErrorOut` says so, and the stream goes on with the next new event.
     """
     seen = journal.last if since is None else since
     loop, news = asyncio.get_running_loop(), asyncio.Event()
@@ -80,10 +94,15 @@ async def event_stream(
         leaving = asyncio.create_task(_until_gone(websocket))
         while not leaving.done():
             news.clear()
-            batch = await asyncio.to_thread(journal.since, seen, _BATCH)
+            try:
+                batch = await asyncio.to_thread(journal.since, seen, _BATCH)
+            except JournalError as error:
+                seen, batch = journal.last, []
+                refusal = ErrorOut(errors=[FieldError(field="since", reason=str(error))])
+                await websocket.send_text(refusal.model_dump_json())
             for body in batch:
                 await websocket.send_text(body)
-                seen = ContactEvent.model_validate_json(body).id
+                seen = json.loads(body)["id"]
             if not batch:
                 waiting = asyncio.create_task(news.wait())
                 await asyncio.wait({waiting, leaving}, return_when=asyncio.FIRST_COMPLETED)

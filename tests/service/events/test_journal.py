@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import re
 import shutil
 import signal
 import sqlite3
@@ -17,6 +18,7 @@ import pytest
 
 from contactsense.service.events.journal import Journal, JournalError, JournalSettings
 from contactsense.service.events.model import ContactEvent
+from tests.service.events.damaged_journal import damaged_journal
 from tests.service.loopback import until
 
 
@@ -169,6 +171,22 @@ def test_a_file_that_is_no_database_is_refused(tmp_path: Path) -> None:
     path.write_text("something else" * 100)
     with pytest.raises(JournalError, match=r"j\.db: cannot be used as a journal of events"):
         Journal(JournalSettings(path=path))
+
+
+def test_what_is_damaged_in_the_file_is_told_and_new_events_are_read(tmp_path: Path) -> None:
+    path = damaged_journal(tmp_path)
+    with Journal(JournalSettings(path=path)) as journal:
+        begin = journal.last
+        told = r"j\.db: the journal cannot be read: database disk image is malformed: "
+        with pytest.raises(JournalError, match=told):
+            journal.since(0, 10_000)
+        for n in range(2):
+            journal.append(event(n))
+            assert contacts(journal.since(begin + n)) == [n]
+            journal.flush()
+            assert re.match(rf".*{told}", journal.error)
+        assert contacts(journal.since(begin + 1)) == [1]
+        assert journal.since(begin + 2) == []
 
 
 def test_a_full_disk_is_named_at_the_start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

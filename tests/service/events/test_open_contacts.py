@@ -49,6 +49,16 @@ def test_contacts_that_have_not_ended_are_released_with_what_was_last_known_of_t
         assert not contacts.end("the service", "")
 
 
+def test_an_event_of_a_later_version_keeps_no_service_from_starting(tmp_path: Path) -> None:
+    """As after a return to an earlier one."""
+    with Journal(JournalSettings(path=tmp_path / "events.db")) as journal:
+        add(journal, ("onset", 1), ("onset", 2))
+        journal.flush()
+        later = "json_set(body, '$.mood', 'bad')"
+        journal.database.execute(f"UPDATE events SET body = {later} WHERE id = ?", (journal.last,))
+        assert [event.contact for event in OpenContacts(journal).end("the service", "")] == [1]
+
+
 def test_a_service_releases_once_what_a_killed_one_has_left_open(tmp_path: Path) -> None:
     path = tmp_path / "events.db"
     with Journal(JournalSettings(path=path)) as journal:

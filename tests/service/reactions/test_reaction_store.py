@@ -1,12 +1,16 @@
 """Latched collisions and a lowered slider in the journal's file, and what the service makes of them."""
 
+import json
 import sqlite3
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from contactsense.service.api.app import create_app
+from contactsense.service.api.settings import Settings, SettingsError
 from contactsense.service.events.journal import Journal, JournalSettings
+from contactsense.service.reactions.decision import Decision
 from contactsense.service.reactions.reaction_store import ReactionStore
 from contactsense.service.reactions.rules import ReactionRules
 from contactsense.service.reactions.state import Reactions
@@ -28,7 +32,8 @@ SLOW = ReactionRules.model_validate(
 
 
 def latch(rule: str = "arm") -> dict[str, Any]:
-    return {"rule": rule, "level": "collision", "t": 1.0, "link": "forearm", "force": 30.0}
+    decision = Decision(rule, "collision", "begin", ("tell",), 1.0, 0.97, link="forearm", force=30.0)
+    return json.loads(json.dumps(decision.as_dict()))
 
 
 def report(*active: dict[str, Any], restored: bool = True) -> dict[str, Any]:
@@ -51,6 +56,35 @@ def test_what_is_saved_last_is_found_by_the_next_service(tmp_path: Path) -> None
         store.save([])
         store.close()
         assert store.load() == []
+
+
+@pytest.mark.parametrize(
+    ("table", "values", "told"),
+    [
+        ("latches", ("arm", '{"rule": "a'), "latched collision of rule arm: Invalid JSON"),
+        ("latches", ("arm", b"\xff\xfe"), "latched collision of rule arm: "),
+        ("latches", ("arm", '{"rule": "arm"}'), "latched collision of rule arm: Field required"),
+        ("lowered", ("slow",), "lowered speed slider: 'slow'"),
+    ],
+)
+def test_what_is_damaged_is_told_before_the_service_starts(
+    tmp_path: Path, table: str, values: tuple[object, ...], told: str
+) -> None:
+    """Without it nobody knows whether a collision is latched. It ended in a traceback."""
+    settings = JournalSettings(path=tmp_path / "events.db")
+    with Journal(settings) as journal:
+        journal.database.execute(f"INSERT INTO {table} VALUES ({','.join('?' * len(values))})", values)
+    with pytest.raises(SettingsError, match=rf"events\.db: the journal cannot be read: {told}"):
+        create_app(Settings.checked({"events": settings.model_dump()}))
+
+
+def test_a_field_of_a_later_version_is_left_out(tmp_path: Path) -> None:
+    """As after a return to an earlier one; the pipeline's process, which gets it, would end at once."""
+    with Journal(JournalSettings(path=tmp_path / "events.db")) as journal:
+        store = ReactionStore(journal)
+        store.save([{**latch(), "mood": "bad"}])
+        store.close()
+        assert store.load() == [latch()]
 
 
 def test_it_is_in_the_file_at_once(tmp_path: Path) -> None:

@@ -4,6 +4,8 @@ import asyncio
 import json
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -11,23 +13,31 @@ from fastapi import FastAPI
 from websockets.sync.client import connect
 
 from contactsense.service.api.app import create_app
+from contactsense.service.api.http import errors
 from contactsense.service.api.routes.events import router
 from contactsense.service.api.settings import Settings, SettingsError
-from contactsense.service.events.journal import Journal
+from contactsense.service.events.journal import Journal, JournalSettings
 from contactsense.service.events.model import ContactEvent
 from contactsense.service.live.hub import Hub, Reader
 from tests.service import fakes, http
+from tests.service.events.damaged_journal import damaged_journal
 from tests.service.serving import serving
+
+
+@contextmanager
+def serving_events(journal: Journal) -> Iterator[str]:
+    app = FastAPI()
+    app.state.service = SimpleNamespace(journal=journal)
+    app.include_router(router)
+    errors.install(app)
+    with serving(app) as place:
+        yield place
 
 
 @pytest.fixture
 def served() -> Iterator[tuple[Journal, str]]:
-    with Journal() as journal:
-        app = FastAPI()
-        app.state.service = SimpleNamespace(journal=journal)
-        app.include_router(router)
-        with serving(app) as place:
-            yield journal, place
+    with Journal() as journal, serving_events(journal) as place:
+        yield journal, place
 
 
 def add(journal: Journal, *numbers: int, reason: str = "") -> None:
@@ -89,6 +99,35 @@ def test_a_reader_that_stalls_misses_none(served: tuple[Journal, str]) -> None:
             if n % 500 == 0:
                 time.sleep(0.02)
         assert [json.loads(stream.recv(10))["contact"] for _ in range(count)] == list(range(count))
+
+
+def test_an_event_of_a_later_version_is_passed_on(served: tuple[Journal, str]) -> None:
+    """As in a journal that was written before a return to an earlier one."""
+    journal, place = served
+    begin = journal.last
+    add(journal, 0, 1)
+    journal.flush()
+    later = "json_set(body, '$.mood', 'bad')"
+    journal.database.execute(f"UPDATE events SET body = {later} WHERE id = ?", (begin + 1,))
+    with connect(f"ws://{place}/v1/events?since={begin}") as stream:
+        assert [json.loads(stream.recv(5))["contact"] for _ in range(2)] == [0, 1]
+
+
+def test_a_damaged_file_is_told_and_the_stream_goes_on(tmp_path: Path) -> None:
+    with (
+        Journal(JournalSettings(path=damaged_journal(tmp_path))) as journal,
+        serving_events(journal) as place,
+    ):
+        answer = http.get(f"http://{place}/v1/events?limit=10000")
+        assert answer.status_code == 500
+        told = answer.json()["errors"][0]["reason"]
+        assert "j.db: the journal cannot be read: database disk image is malformed" in told
+        with connect(f"ws://{place}/v1/events?since=0") as stream:
+            while "errors" not in (message := json.loads(stream.recv(5))):
+                assert message["kind"] == "onset"
+            assert message["errors"] == [{"field": "since", "reason": told}]
+            add(journal, 5000)
+            assert json.loads(stream.recv(5))["contact"] == 5000
 
 
 def events_of(reader: Reader, messages: int) -> list[int]:
