@@ -9,7 +9,7 @@ from importlib.metadata import version
 
 import numpy as np
 import yaml
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, FiniteFloat, TypeAdapter, ValidationError
 
 from contactsense import robots
 from contactsense.robots.library import in_library
@@ -22,6 +22,7 @@ _CREATED, _TABLE, _ARM = "created", "table", "arm_hash"
 RAW = "samples"
 """Table of the recorder whose rows have every signal as received."""
 _REMOVED = "removed_delays"
+_DELAYS = TypeAdapter(dict[str, FiniteFloat])
 CONFLICT = "scene_conflict"
 """Entry that names two files of a folder whose scenes differ."""
 
@@ -116,10 +117,24 @@ def removed_delays(scene: Scene) -> dict[str, str]:
     return {_REMOVED: json.dumps({field: delay for field, delay in delays.items() if delay})}
 
 
-def removed_delays_of_meta(meta: Mapping[str, str]) -> dict[str, float]:
-    """Field of a sensor -> the delay that has been taken off its readings [s]; only those that are not 0."""
-    found: dict[str, float] = json.loads(meta.get(PREFIX + _REMOVED, "{}"))
-    return found
+def removed_delays_of_meta(meta: Mapping[str, str], name: str) -> dict[str, float]:
+    """Field of a sensor -> the delay that has been taken off its readings [s]; only those that are not 0.
+
+    Args:
+        meta: Metadata of a file.
+        name: Its name, for the error.
+
+    Raises:
+        RecordingError: The entry is damaged.
+    """
+    text = meta.get(PREFIX + _REMOVED, "{}")
+    try:
+        return _DELAYS.validate_json(text)
+    except ValidationError:
+        raise RecordingError(
+            f"{name}: {PREFIX + _REMOVED} in its metadata: expected the delays that have been taken off the "
+            f'sensors, as {{"base_wrench": 0.02}}, got {text!r:.60}'
+        ) from None
 
 
 def is_raw(meta: Mapping[str, str]) -> bool:

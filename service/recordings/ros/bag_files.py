@@ -53,6 +53,12 @@ class BagFile:
         messages, found = self._messages((mapping.joint_states, *topics.values()))
         listed = "; ".join(f"{topic} ({kind})" for topic, kind in sorted(found.items())) or "no topics"
         joint = messages.get(mapping.joint_states, [])
+        if not joint and found.get(mapping.joint_states, "").endswith(_JOINT_STATE):
+            why = "".join(f": {problem.message}" for problem in self.problems)
+            raise RecordingError(
+                f"{path}: expected {_JOINT_STATE} messages on {mapping.joint_states}, found none that can be "
+                f"read{why}"
+            )
         if not joint or not hasattr(joint[0], "position"):
             raise RecordingError(
                 f"{path}: expected {_JOINT_STATE} messages on {mapping.joint_states}, found {listed}; "

@@ -65,7 +65,7 @@ class SignalColumns:
             )
         self.qd = self._group("qd", mapping.qd, n)
         self.torque, self.torque_map = self._torque_columns()
-        removed = removed_delays_of_meta(table.meta)
+        removed = removed_delays_of_meta(table.meta, name)
         base = self._scene.base_wrench
         self.base = self._optional("base_wrench", mapping.base_wrench, base is not None)
         self.links: dict[str, LinkColumns] = {}

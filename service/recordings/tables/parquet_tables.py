@@ -94,10 +94,11 @@ class ParquetFolder:
         self.names = [n for n in self._parts[0].names if all(n in part.names for part in self._parts)]
         self.others = self._parts[0].others
         first = self._parts[0].meta
+        removed = removed_delays_of_meta(first, str(files[0]))
         self.meta = dict(first)
         for file, part in zip(files, self._parts, strict=True):
             both = f"{files[0].relative_to(path)} and {file.relative_to(path)}"
-            if removed_delays_of_meta(part.meta) != removed_delays_of_meta(first):
+            if removed_delays_of_meta(part.meta, str(file)) != removed:
                 raise RecordingError(
                     f"{path}: in one of {both} the delays of the sensors have been taken off, in the other "
                     "they have not, or others have: read them one by one"

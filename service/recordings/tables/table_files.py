@@ -27,6 +27,11 @@ def open_table(path: Path) -> TableFile:
         if path.is_dir():
             return ParquetFolder(path)
         suffix = format_of(path)
+        if suffix in (".yaml", ".yml"):
+            raise RecordingError(
+                f"{path}: expected a recording, got YAML; if it is a scene, --scene takes it beside a "
+                "recording, and `contactsense scene show` shows it"
+            )
         if suffix == ".parquet":
             return ParquetTable(path)
         if suffix in (".arrow", ".arrows", ".feather"):

@@ -1,10 +1,13 @@
 """Readings that a service writes have been freed of the delays of the sensors: reading leaves them."""
 
+import re
 import time
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pa_parquet
 import pytest
 
 from contactsense import Scene
@@ -12,7 +15,9 @@ from contactsense.scene import LinkWrenchSensor, WrenchSensor
 from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
 from contactsense.service.recordings import RecordingError, read
 from contactsense.service.recordings.free_motion import read_free_motion
+from contactsense.service.recordings.metadata import metadata
 from contactsense.service.recordings.writing.clip_listener import ClipListener, RecordingSettings
+from tests.service.recordings.recorded_tables import columns
 from tests.service.recordings.samples import SCENE, estimate, sample
 
 
@@ -57,3 +62,14 @@ def test_files_with_other_delays_are_not_read_as_one(tmp_path: Path) -> None:
         listener.close()
     with pytest.raises(RecordingError, match=r"clip-.*-000000\.parquet and clip-.*-000002\.parquet.*delays"):
         read(tmp_path, SCENE)
+
+
+@pytest.mark.parametrize("entry", ["{", "[0.02]", '{"base_wrench": "late"}', '{"base_wrench": 1e999}'])
+@pytest.mark.parametrize("folder", [True, False])
+def test_delays_that_are_damaged_are_told(tmp_path: Path, entry: str, folder: bool) -> None:
+    path = tmp_path / "a.parquet"
+    meta = metadata(SCENE, table="samples", removed_delays=entry)
+    pa_parquet.write_table(pa.table(columns(), metadata=meta), path)
+    told = r"a\.parquet: contactsense\.removed_delays in its metadata: expected the delays .*, got "
+    with pytest.raises(RecordingError, match=told + re.escape(repr(entry))):
+        read(tmp_path if folder else path, SCENE)

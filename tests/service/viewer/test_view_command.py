@@ -53,6 +53,18 @@ def test_what_cannot_be_shown_is_told(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("arguments", [("cell.yaml",), ("cell.yaml", "--scene", "cell.yaml")])
+def test_a_scene_is_no_recording(
+    arguments: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was said to carry no scene."""
+    monkeypatch.chdir(tmp_path)
+    Path("cell.yaml").write_text("robot: ur5e\n")
+    output = " ".join(CliRunner().invoke(view, arguments).output.split())
+    assert "cell.yaml: expected a recording, got YAML" in output
+    assert "`contactsense scene show` shows it" in output
+
+
 def test_a_recording_with_other_names_is_read(tmp_path: Path) -> None:
     """What is missing is told with an option that the command has; the page comes after the recording."""
     written = write_motion(demo(), tmp_path / "demo.parquet", last=200)

@@ -129,6 +129,25 @@ def test_messages_that_are_damaged_are_left_out_and_told(
     assert "bag.db3: 1 of its messages cannot be read" in found.problems[-1].message
 
 
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        ("UPDATE messages SET data = x'ff' WHERE topic_id = 1", f".* {N} of its messages cannot be read"),
+        ("DELETE FROM messages WHERE topic_id = 1", ""),
+    ],
+)
+def test_joint_states_of_which_none_can_be_read_are_told(
+    tmp_path: Path, rosbag: Path, change: str, why: str
+) -> None:
+    """Their topic is there: it is not another one that is meant."""
+    bag = copytree(rosbag, tmp_path / "bag")
+    with closing(sqlite3.connect(bag / "bag.db3")) as database:
+        database.execute(change)
+        database.commit()
+    with pytest.raises(RecordingError, match=f"on /joint_states, found none that can be read{why}$"):
+        read(bag, SCENE)
+
+
 def test_a_damaged_chunk_of_an_mcap_file_is_not_used(tmp_path: Path) -> None:
     """Values that the damage has changed would be taken for measured ones."""
     path = tmp_path / "a.mcap"
