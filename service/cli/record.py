@@ -1,6 +1,7 @@
 """`contactsense record`: writes live samples, or a recording in another format, to disk."""
 
 import contextlib
+import signal
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -22,6 +23,7 @@ from contactsense.service.cli.options.option_names import as_options, refusal
 from contactsense.service.cli.options.output_file import check_writable
 from contactsense.service.cli.options.sensor_options import from_environment, sensor_options
 from contactsense.service.cli.record_by_service import record_by_service
+from contactsense.service.group_signals import ignored
 from contactsense.service.live.scheduling import RECORDER, prefer_low_latency, prioritize
 from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError, read, scene_in
 from contactsense.service.recordings.export import export
@@ -150,7 +152,9 @@ def _run(live: LiveSource, recorder: Recorder, seconds: float | None, out: Path)
                 if now - shown >= 0.5:
                     shown = now
                     progress.update(task, description=_state(live, recorder))
-    files = recorder.close()
+        # Whoever presses Ctrl-C twice would leave the last file incomplete.
+        with ignored(signal.SIGINT, signal.SIGTERM):
+            files = recorder.close()
     health = live.health
     for path in recorder.repaired:
         console.print(f"completed from an earlier run: {path.name}", highlight=False)

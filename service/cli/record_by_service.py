@@ -1,11 +1,13 @@
 """Lets a running service record to its own folder while this command runs."""
 
 import contextlib
+import signal
 import time
 
 import click
 from rich.console import Console
 
+from contactsense.service.group_signals import ignored
 from contactsense.service.viewer.service_calls import ServiceCalls
 
 
@@ -32,7 +34,9 @@ def record_by_service(service: ServiceCalls, seconds: float | None) -> None:
                     raise click.ClickException(f"{service.url}: the recording stopped: {state.error}")
                 status.update(f"{state.rows} samples in {state.folder}")
     finally:
-        service.recording(on=False)
+        # Whoever presses Ctrl-C twice would leave the service recording.
+        with ignored(signal.SIGINT, signal.SIGTERM):
+            service.recording(on=False)
     deadline = time.monotonic() + 5.0
     state = service.recording()
     rows = -1

@@ -6,14 +6,13 @@
 import gc
 import multiprocessing
 import signal
-import threading
 from collections import deque
-from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Generator, Sequence
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
 from contactsense.robots.extras import install_command
+from contactsense.service.group_signals import ignored
 
 MOST_DEATHS = 3
 """A task is abandoned after this many workers have died during it."""
@@ -56,20 +55,6 @@ def _outcome(function: Callable[[Any], Any], task: Any) -> Any:
         return error
 
 
-@contextmanager
-def _without_interrupts() -> Iterator[None]:
-    """Processes that are started in this block ignore Ctrl-C: in a terminal it reaches all processes, and the
-    main one ends the others."""
-    if threading.current_thread() is not threading.main_thread():  # others cannot set it
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
 class _Worker:
     """One process and its current task."""
 
@@ -77,7 +62,8 @@ class _Worker:
         context = multiprocessing.get_context("spawn")
         self.pipe, other = context.Pipe()
         self.process = context.Process(target=_serve, args=(other, function), daemon=True)
-        with _without_interrupts():
+        # In a terminal Ctrl-C reaches all processes, and the main one ends the others.
+        with ignored(signal.SIGINT):
             self.process.start()
         other.close()
         self.task: int | None = None
