@@ -53,6 +53,7 @@ class ExecutorClient:
         self._rest = b""
         self._begun: dict[str, list[_Begun]] = {name: [] for name in actions}
         self._hung: set[str] = set()
+        self._left: list[dict[str, Any]] = []  # results for the next poll
         self._groups: dict[str, int] = {}  # of programs that run: nothing else ends them if the executor dies
         if actions:
             self._start(time.monotonic())
@@ -73,8 +74,9 @@ class ExecutorClient:
             return "the executor's process does not take it"
         except OSError:
             return "the executor's process has died"
-        if written != len(task):
-            self._end()  # a partial line: the executor could not parse what follows
+        if written != len(task):  # a partial line: the executor could not parse what follows
+            self._left = self._all_lost("the executor's process was ended, as it took too little", now)
+            self._end()
             return "the executor's process does not take it"
         self._begun[action].append(_Begun(now, Origin(decision.get("rule", ""), decision.get("link", ""))))
         return ""
@@ -84,7 +86,7 @@ class ExecutorClient:
         action's preparation; `origin`, an `Origin`."""
         if not self._actions:
             return []
-        results: list[dict[str, Any]] = []
+        results, self._left = self._left, []
         if self._process is None:
             if now - self._started >= RESTART:
                 self._start(now)
@@ -95,11 +97,7 @@ class ExecutorClient:
         except BlockingIOError:
             chunk = None
         if chunk == b"":
-            results += [
-                self._lost(name, "the executor's process died", now)
-                for name, begun in self._begun.items()
-                if begun
-            ]
+            results += self._all_lost("the executor's process died", now)
             self._end()
         elif chunk is not None:
             for result in self._lines(chunk):
@@ -140,6 +138,9 @@ class ExecutorClient:
                 self._hung.add(name)
                 found.append(self._lost(name, f"hangs: no result after {limit:g} s", now))
         return found
+
+    def _all_lost(self, reason: str, now: float) -> list[dict[str, Any]]:
+        return [self._lost(name, reason, now) for name, begun in self._begun.items() if begun]
 
     def _lost(self, name: str, reason: str, now: float) -> dict[str, Any]:
         """The result of an action that has reported none."""

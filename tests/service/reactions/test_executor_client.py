@@ -1,6 +1,5 @@
-"""The executor's process, and one that a test scripts, from the pipeline's side."""
+"""The executor's process from the pipeline's side."""
 
-import json
 import os
 import queue
 import signal
@@ -20,7 +19,6 @@ from tests.service.loopback import until
 
 HOST = "127.0.0.1"
 TOLD = {"rule": "arm", "level": "collision", "link": "forearm"}
-POPEN = "contactsense.service.reactions.executor_client.subprocess.Popen"
 
 
 def results_of(client: ExecutorClient, count: int, timeout: float = 20.0) -> list[dict[str, Any]]:
@@ -202,129 +200,3 @@ def test_a_preparation_that_fails_ends_nothing(monkeypatch: pytest.MonkeyPatch) 
     assert reported[0][0] is False
     assert "Resource temporarily unavailable" in reported[0][1]
     assert reported[1][0]
-
-
-class ScriptedExecutor:
-    """In place of the executor's process: it reports what a test says."""
-
-    started = 0
-
-    def __init__(self, *_: object, **__: object) -> None:
-        type(self).started += 1
-        read, self._write = os.pipe()
-        self.stdin, self.stdout = (
-            os.fdopen(os.open(os.devnull, os.O_WRONLY), "wb", 0),
-            os.fdopen(read, "rb", 0),
-        )
-
-    def report(self, task: str, ok: bool = True) -> None:
-        result = {"action": "a", "ok": ok, "reason": "", "took": 0.0, "task": task}
-        os.write(self._write, json.dumps(result).encode() + b"\n")
-
-    def kill(self) -> None:
-        if self._write >= 0:
-            os.close(self._write)
-        self._write = -1
-
-    def wait(self, timeout: float | None = None) -> None:
-        pass
-
-
-@pytest.fixture
-def scripted(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[ExecutorClient, ScriptedExecutor]]:
-    """A client of one action with a limit of 2 s, one of which is grace."""
-    monkeypatch.setattr(POPEN, ScriptedExecutor)
-    client = ExecutorClient({"a": CommandAction(type="command", command=("true",), timeout=1.0)}, HOST)
-    process: Any = client._process
-    try:
-        yield client, process
-    finally:
-        client.close()
-
-
-@pytest.mark.parametrize("task", ["newest", "none"])
-def test_what_is_reported_of_another_decision_ends_no_waiting(
-    scripted: tuple[ExecutorClient, ScriptedExecutor], task: str
-) -> None:
-    """One that was skipped, or a preparation that failed: the decision that hangs hangs all the same."""
-    client, process = scripted
-    client.start("a", TOLD, 0.0)
-    if task == "newest":
-        client.start("a", TOLD, 1.9)
-    process.report(task, False)
-    assert [result["task"] for result in client.poll(1.95)] == [task]
-    (late,) = client.poll(2.1)
-    assert late["reason"] == "hangs: no result after 2 s"
-    assert late["origin"] == ("arm", "forearm")
-    assert late["took"] == pytest.approx(2.1)
-    process.report(task, False)
-    assert len(client.poll(2.2)) == 1  # it is not reported twice
-
-
-def test_a_result_has_the_rule_and_the_link_of_its_decision(
-    scripted: tuple[ExecutorClient, ScriptedExecutor],
-) -> None:
-    client, process = scripted
-    for link in ("forearm", "wrist_1", "wrist_2"):
-        client.start("a", {**TOLD, "link": link}, 0.0)
-    for task in ("none", "newest", "oldest", "oldest"):
-        process.report(task)
-    links = [result["origin"].link for result in client.poll(0.1)]
-    assert links == ["", "wrist_2", "forearm", "wrist_1"]
-
-
-def test_a_decision_that_has_waited_for_another_does_not_hang(
-    scripted: tuple[ExecutorClient, ScriptedExecutor],
-) -> None:
-    client, process = scripted
-    client.start("a", TOLD, 0.0)
-    client.start("a", TOLD, 0.0)
-    process.report("oldest")
-    assert len(client.poll(1.9)) == 1
-    assert client.poll(3.8) == []
-    (late,) = client.poll(4.0)
-    assert "hangs" in late["reason"]
-
-
-def test_an_executor_that_keeps_dying_is_started_once_a_second(
-    scripted: tuple[ExecutorClient, ScriptedExecutor],
-) -> None:
-    client, process = scripted
-    now, before = client._started, ScriptedExecutor.started
-    process.kill()
-    for later in (0.1, 0.5, 0.9):
-        client.poll(now + later)
-    assert ScriptedExecutor.started == before
-    client.poll(now + 1.1)
-    client.poll(now + 1.2)
-    assert ScriptedExecutor.started == before + 1
-
-
-@pytest.mark.parametrize("starts", [True, False])
-def test_an_executor_that_cannot_be_started_is_tried_again(
-    monkeypatch: pytest.MonkeyPatch, starts: bool
-) -> None:
-    """The computer is out of processes or memory, or ends the process at once."""
-
-    class Refused(ScriptedExecutor):
-        def __init__(self, *_: object, **__: object) -> None:
-            if not starts:
-                raise BlockingIOError(11, "Resource temporarily unavailable")
-            super().__init__()
-            read, write = os.pipe()
-            os.close(read)
-            self.stdin.close()
-            self.stdin = os.fdopen(write, "wb", 0)
-
-    monkeypatch.setattr(POPEN, Refused)
-    client = ExecutorClient({"a": CommandAction(type="command", command=("true",))}, HOST)
-    try:
-        now = time.monotonic()
-        assert "not running" in client.start("a", TOLD, now)
-        assert client.poll(now + 1.1) == []
-        assert "not running" in client.start("a", TOLD, now + 1.2)
-        monkeypatch.setattr(POPEN, ScriptedExecutor)
-        client.poll(now + 2.2)
-        assert client.start("a", TOLD, now + 2.3) == ""
-    finally:
-        client.close()
