@@ -62,7 +62,7 @@ def _of_mcap(path: Path) -> Iterator[tuple[str, str, bytes]]:
 
 def _of_database(path: Path) -> Iterator[tuple[str, str, bytes]]:
     try:
-        with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as database:
+        with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as database:
             # SQLite refuses a file that is shorter than its header says, unless it is opened for repair.
             database.execute("PRAGMA writable_schema = ON")
             topics = {

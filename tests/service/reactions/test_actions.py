@@ -26,7 +26,7 @@ from contactsense.service.reactions.actions.polyscope_x import PolyscopeXAction
 from contactsense.service.reactions.actions.registers import RegistersAction
 from contactsense.service.reactions.actions.stop_program import StopProgramAction
 from contactsense.service.reactions.actions.ur_rtde_stop import UrRtdeStopAction
-from contactsense.service.reactions.actions.webhook import decode_secret, sign
+from contactsense.service.reactions.actions.webhook import WebhookAction, decode_secret, sign
 from tests.service.loopback import until
 from tests.service.reactions.peers import DECISION, HOST, TOLD, line_server
 
@@ -34,8 +34,28 @@ from tests.service.reactions.peers import DECISION, HOST, TOLD, line_server
 def test_a_stop_program() -> None:
     with line_server(b"", None) as (port, heard):
         action = StopProgramAction(type="stop_program", deceleration=4.0, port=port)
-        action.perform(TOLD, HOST)
+        assert action.perform(TOLD, HOST) == f"sent to {HOST}:{port}"
         assert until(lambda: b"".join(heard) == b"def contactsense_stop():\n  stopj(4)\nend\n")
+
+
+@pytest.mark.parametrize(
+    ("action", "words"),
+    [
+        (DashboardAction(type="dashboard", command="pause"), "dashboard: pause"),
+        (PolyscopeXAction(type="polyscope_x", action="stop"), "PolyScope X: stop the program"),
+        (
+            StopProgramAction(type="stop_program", interface="realtime"),
+            "replace the robot's program by stopj(8), sent to port 30003",
+        ),
+        (UrRtdeStopAction(type="ur_rtde_stop", deceleration=0.5), "ur_rtde: stopJ(0.5)"),
+        (
+            WebhookAction(type="webhook", url="http://h/", secret_file=Path("key")),
+            "post to http://h/, with retries",
+        ),
+    ],
+)
+def test_an_action_in_words(action: Any, words: str) -> None:
+    assert action.describe() == words
 
 
 @pytest.mark.parametrize(
@@ -257,6 +277,27 @@ def test_ur_rtde_in_a_child(
         else:
             with pytest.raises(ActionError, match=complaint):
                 action.perform(TOLD, HOST)
+            assert action._child is None  # a late answer would be taken for that to the next decision
+    finally:
+        action.close()
+
+
+def test_ur_rtde_keeps_its_child_until_it_dies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A new one takes a second to connect, during which the arm moves on."""
+    (tmp_path / "rtde_control.py").write_text(FAKE_UR_RTDE)
+    monkeypatch.setenv("FAKE", "")
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), *sys.path]))
+    action = UrRtdeStopAction(type="ur_rtde_stop", timeout=60.0)
+    try:
+        action.prepare(HOST)
+        child = action._child
+        assert child is not None
+        action.perform(TOLD, HOST)
+        assert action._child is child
+        child.kill()
+        child.wait()
+        assert action.perform(TOLD, HOST) == "stopJ is done"
+        assert action._child is not child
     finally:
         action.close()
 
@@ -303,11 +344,27 @@ def test_the_signature_is_that_of_standard_webhooks() -> None:
     assert signature == "v1,g0hM9SsE+OTPJTGt/tmIKtSyZlE3uFJELVlNIOLJ1OE="
 
 
-def test_a_secret_with_other_letters_is_refused_by_its_field() -> None:
-    with pytest.raises(ValueError, match="secret: expected whsec_"):
-        decode_secret("whsec_" + 31 * "A" + "\u00e4")
+@pytest.mark.parametrize(
+    "secret",
+    [
+        f"whsec_{31 * 'A'}\u00e4",
+        f"whsec_{32 * 'A'}!",
+        32 * "A",
+        *(f"whsec_{base64.b64encode(bytes(length)).decode()}" for length in (23, 65)),
+    ],
+)
+def test_what_is_no_secret_is_refused_by_its_field(tmp_path: Path, secret: str) -> None:
+    told = "secret: expected whsec_ and 24 to 64 bytes in base64, got something else"
+    with pytest.raises(ValueError, match=told):
+        decode_secret(secret)
+    (tmp_path / "key").write_text(f"{secret}\n", encoding="utf-8")
+    webhook = WebhookAction(type="webhook", url="http://h/", secret_file=tmp_path / "key")
+    assert webhook.missing() == f"secret_file: {tmp_path}/key: {told}"
 
 
-def test_a_secret_has_a_length() -> None:
-    with pytest.raises(ValueError, match="24 to 64 bytes"):
-        decode_secret("whsec_" + base64.b64encode(b"short").decode())
+@pytest.mark.parametrize("length", [24, 64])
+def test_a_secret_may_have_a_line_break_behind_it(tmp_path: Path, length: int) -> None:
+    """As editors write it into a file."""
+    key = bytes(range(length))
+    (tmp_path / "key").write_text(f"whsec_{base64.b64encode(key).decode()}\n")
+    assert WebhookAction(type="webhook", url="http://h/", secret_file=tmp_path / "key").key() == key

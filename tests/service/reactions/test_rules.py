@@ -147,6 +147,10 @@ def test_a_missing_file_is_named() -> None:
     ("action", "complaint"),
     [
         ("{type: webhook, url: 'http://h/'}", "expected either secret or secret_file, got neither"),
+        (
+            "{type: webhook, url: 'http://h/', secret: hunter2, secret_file: f}",
+            "expected either secret or secret_file, got both",
+        ),
         ("{type: webhook, url: 'http://h/', secret: hunter2}", "secret: expected whsec_"),
         (
             "{type: webhook, url: 'ftp://h/', secret_file: f}",

@@ -102,7 +102,18 @@ def test_a_rosbag2_folder_that_is_cut_short_is_used_up_to_there(
     _cut(bag / "bag.db3")
     if not metadata:
         (bag / "metadata.yaml").unlink()
+    found = read(bag, SCENE)
+    _check_rest(found, 0.6)
+    assert found.problems[-1].message.endswith("; bag.db3: database disk image is malformed")
+
+
+@pytest.mark.parametrize("name", ["50%25", "Zelle 1?", "bag #2", "Süd"])
+def test_the_name_of_a_folder_does_not_matter(tmp_path: Path, rosbag: Path, name: str) -> None:
+    """SQLite gives some characters of an address a meaning: it made an empty file of another name."""
+    bag = copytree(rosbag, tmp_path / name)
+    _cut(bag / "bag.db3")
     _check_rest(read(bag, SCENE), 0.6)
+    assert list(tmp_path.iterdir()) == [bag]
 
 
 def test_a_folder_without_metadata_is_read_whole_and_said_to_be_incomplete(

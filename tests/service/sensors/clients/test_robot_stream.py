@@ -79,12 +79,23 @@ def test_a_clock_far_ahead_is_a_jump_but_an_outage_is_a_loss():
     assert (health.jumps, health.lost) == (1, 1499)
 
 
+@pytest.mark.parametrize(("ahead", "jumps"), [(0.9, 0), (1.1, 1)])
+def test_a_clock_that_is_a_second_ahead_of_the_arrivals_has_jumped(ahead, jumps):
+    """Whenever the host was started: arrivals count from then on."""
+    health = StreamHealth()
+    counter = LossCounter(0.002, health)
+    up = 10_000 * NS
+    counter.admit(RobotRecord(0.0, up, (0.0,)))
+    counter.admit(RobotRecord(0.002 + ahead, up + NS // 500, (0.0,)))
+    assert (health.jumps, health.lost) == (jumps, 0 if jumps else round(ahead / 0.002))
+
+
 def test_times_that_are_no_numbers_are_refused():
     admitted, health = count(0.0)
     counter = LossCounter(0.002, health)
     assert not counter.admit(RobotRecord(math.nan, 0, (math.nan,)))
     assert health.error == "the robot sent the time stamp nan"
-    assert health.failures == 1
+    assert (health.failures, health.bad_stamps) == (1, 1)
     assert admitted == [0.0]
 
 
