@@ -55,6 +55,11 @@ CREATE TABLE IF NOT EXISTS latches (rule TEXT PRIMARY KEY, body TEXT NOT NULL);
 CREATE TABLE IF NOT EXISTS lowered (fraction REAL NOT NULL);
 CREATE TABLE IF NOT EXISTS disabled (action TEXT PRIMARY KEY, url TEXT NOT NULL, reason TEXT NOT NULL);
 """
+_RECOVERY = (
+    ": while no service runs, move the file away, with the latched collisions in it, or save what can be "
+    "read: sqlite3 FILE .recover | sqlite3 NEW"
+)
+"""What a person can do about a file that is damaged."""
 
 
 class JournalError(RuntimeError):
@@ -125,7 +130,8 @@ class Journal:
         except (sqlite3.Error, OSError) as error:
             self._database.close()
             self._release()
-            raise JournalError(f"{refused}: {_full(place) or error}") from None
+            is_damaged = getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_CORRUPT
+            raise JournalError(f"{refused}: {_full(place) or error}{_RECOVERY * is_damaged}") from None
         self.lock = threading.RLock()
         """Must be held while `database` is used, which may take a while; appending does not need it."""
         self._numbering = threading.Lock()
@@ -158,11 +164,7 @@ class Journal:
 
     def unreadable(self, why: str) -> JournalError:
         """The error to raise where something in the file cannot be read; `error` says so from now on."""
-        self._unreadable = (
-            f"{self._settings.path}: the journal cannot be read: {why}: while no service runs, move the file "
-            "away, with the latched collisions in it, or save what can be read: sqlite3 FILE .recover | "
-            "sqlite3 NEW"
-        )
+        self._unreadable = f"{self._settings.path}: the journal cannot be read: {why}{_RECOVERY}"
         return JournalError(self._unreadable)
 
     @property

@@ -189,6 +189,14 @@ def test_what_is_damaged_in_the_file_is_told_and_new_events_are_read(tmp_path: P
         assert journal.since(begin + 2) == []
 
 
+def test_a_file_that_is_too_damaged_to_be_opened_is_told_with_what_helps(tmp_path: Path) -> None:
+    path = damaged_journal(tmp_path)
+    with path.open("r+b") as file:
+        file.truncate(8 * 4096)
+    with pytest.raises(JournalError, match=r"j\.db: cannot be used .* malformed: .*, move the file away"):
+        Journal(JournalSettings(path=path))
+
+
 def test_a_full_disk_is_named_at_the_start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """SQLite says "disk I/O error"."""
     path = tmp_path / "j.db"
