@@ -179,9 +179,13 @@ def test_a_silent_sensor_gives_nothing_and_not_its_last_value():
     assert gone.age == pytest.approx(0.011, abs=1e-6)
 
 
-def test_a_slow_sensors_reading_is_used_until_the_next_one_is_overdue():
-    """Its readings are further apart than the age allowed: each is used for 1.5 intervals."""
+@pytest.mark.parametrize("earlier", [range(0), range(0, 500, 20)])
+def test_a_slow_sensors_reading_is_used_until_the_next_one_is_overdue(earlier):
+    """Its readings are further apart than the age allowed: each is used for 1.5 intervals. It may have
+    started anew."""
     aligner = Aligner(period=1e-3, max_age=0.01)
+    for k in earlier:
+        aligner.add(1_000_000 + k, (k - 1000) * 1_000_000, [0.0] * 6)
     for k in range(0, 2000, 20):
         aligner.add(k, k * 1_000_000, [float(k)] * 6)
     for k in range(1000):
@@ -285,7 +289,7 @@ def test_a_robots_clock_that_is_set_ahead_and_back_is_learned_anew():
     aligner = Aligner(period=1e-3)
     errors = []
     for k in range(20_000):
-        arrival = k * 1_000_000
+        arrival = 10**13 + k * 1_000_000  # the host has been running for hours
         aligner.add(k, arrival, [float(k)] * 6)
         if k % 2 == 0:
             ahead = 100.0 if 5_000 <= k < 10_000 else 0.0
@@ -338,10 +342,11 @@ def test_nothing_is_aligned_until_both_clocks_are_known(known):
     assert told(aligner, 3.9) == pytest.approx(3.9)
 
 
-def test_a_robot_that_was_silent_for_a_while_keeps_its_clock():
+@pytest.mark.parametrize("silent", ["robot", "sensor"])
+def test_what_was_silent_for_a_while_keeps_its_clock(silent):
     aligner = Aligner(period=1e-3)
     feed(aligner, 0.0, 4.0)
-    feed(aligner, 4.0, 9.0, robot=False)
+    feed(aligner, 4.0, 9.0, robot=silent != "robot", sensor=silent != "sensor")
     feed(aligner, 9.0, 9.01)
     assert told(aligner, 9.005) == pytest.approx(9.005, abs=1e-5)
 
