@@ -55,10 +55,13 @@ def _span(file: Path) -> tuple[float, float] | None:
     """First and last time in a file [s since 1970], from its statistics; None where they cannot be read."""
     try:
         meta = pa_parquet.read_metadata(file)
-        column = meta.schema.to_arrow_schema().get_field_index(_TIME)
+        schema = meta.schema.to_arrow_schema()
+        column = schema.get_field_index(_TIME)
+        if column < 0 or not pa.types.is_floating(schema.field(column).type):  # of another program
+            return None
         groups = [meta.row_group(i).column(column).statistics for i in range(meta.num_row_groups)]
     except (OSError, pa.ArrowException):
         return None
-    if column < 0 or not groups or not all(group is not None and group.has_min_max for group in groups):
+    if not groups or not all(group is not None and group.has_min_max for group in groups):
         return None
     return min(group.min for group in groups), max(group.max for group in groups)

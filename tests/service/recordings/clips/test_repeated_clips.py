@@ -3,6 +3,8 @@
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pa_parquet
 import pytest
 
 from contactsense.service.analysis.fleet.segments import find_recordings
@@ -53,6 +55,15 @@ def test_clips_alone_and_other_files_stay(tmp_path: Path) -> None:
     _table(tmp_path / "service-3.parquet", 300.0, 310.0)
     kept = [*files, *(tmp_path / f"{name}.parquet" for name in ("clip-2", "service-2", "service-3"))]
     assert without_repeated_clips(kept) == kept
+
+
+@pytest.mark.parametrize("times", [{}, {"host_time": np.array(["2026-01-01", "2026-01-02"], "M8[ms]")}])
+def test_files_of_other_programs_may_have_such_names(tmp_path: Path, times: dict[str, np.ndarray]) -> None:
+    """Without the column of times, or with dates in it."""
+    names = [f"{name}.parquet" for name in ("clip-1", "service-1", "service-2")]
+    for name in names:
+        pa_parquet.write_table(pa.table({"timestamp": [0.0, 0.1], **times}), tmp_path / name)
+    assert ParquetFolder(tmp_path).rows == 6
 
 
 def test_a_folder_is_read_and_analysed_without_them(tmp_path: Path) -> None:
