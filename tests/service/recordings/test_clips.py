@@ -63,19 +63,26 @@ def test_a_clip_that_cannot_be_written_is_reported_and_ends_no_recording(tmp_pat
     assert "File exists" in clips.clips[1].error
 
 
-def test_a_clip_reaches_back_and_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("span", "first"),
+    [({"before": 60.0, "after": 0.051}, 0), ({"before": 0.0601, "after": 0.051}, 70), ({}, 90)],
+)
+def test_a_clip_reaches_back_and_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, span: dict[str, float], first: int
+) -> None:
     now = 1e9
     clock = SimpleNamespace(
         time=lambda: now, monotonic=lambda: now, strftime=time.strftime, gmtime=time.gmtime
     )
     monkeypatch.setattr(clip_listener, "time", clock)
     monkeypatch.setattr(sample_rows, "time", clock)
-    listener = ClipListener(SCENE, RecordingSettings(folder=tmp_path, minutes=0.1), 500.0)
+    settings = RecordingSettings(folder=tmp_path, minutes=0.1, before=0.0201, after=0.051)
+    listener = ClipListener(SCENE, settings, 500.0)
     for i in range(300):
         now += 0.002
         listener.receive(sample(i), estimate(i))
         if i == 100:
-            listener.command({"type": "clip", "number": 7, "before": 60.0, "after": 0.051, "reason": "test"})
+            listener.command({"type": "clip", "number": 7, **span, "reason": "test"})
         listener.tick(0.0)
     assert until(lambda: list(tmp_path.glob("clip-*-000007.parquet")))
     assert until(lambda: len(listener._reports) > 1)
@@ -83,10 +90,22 @@ def test_a_clip_reaches_back_and_goes_on(tmp_path: Path, monkeypatch: pytest.Mon
     assert started == {"type": "recorder started"}
     assert (report["type"], report["number"]) == ("clip", 7)
     clip = read(tmp_path / report["file"])
-    assert report["samples"] == len(clip) == 101 + 25
-    np.testing.assert_array_equal(clip.q[:, 0], np.arange(len(clip)))
-    np.testing.assert_allclose(clip.base_wrench[:, 0], np.arange(len(clip)))
+    assert report["samples"] == len(clip) == 101 + 25 - first
+    np.testing.assert_array_equal(clip.q[:, 0], np.arange(first, 126))
+    np.testing.assert_allclose(clip.base_wrench[:, 0], np.arange(first, 126))
     listener.close()
+
+
+def test_a_clip_whose_end_has_not_come_is_written_when_the_service_ends(tmp_path: Path) -> None:
+    listener = ClipListener(SCENE, RecordingSettings(folder=tmp_path, minutes=0.1), 500.0)
+    listener.command({"type": "clip", "number": 1, "before": 60.0, "after": 60.0})
+    for i in range(10):
+        listener.receive(sample(i), estimate(i))
+    listener.tick(0.0)
+    assert list(tmp_path.iterdir()) == []
+    listener.close()
+    (path,) = tmp_path.iterdir()
+    np.testing.assert_array_equal(read(path).q[:, 0], np.arange(10))
 
 
 def test_a_recording_holds_every_row_until_it_is_ended(tmp_path: Path) -> None:
