@@ -36,7 +36,8 @@ def place_on_skin(grids: Grids, place: Place) -> Place:
         distance, on_skin, outward = intersect_skin(
             grids, place.link, vector(point[w]), vector(shift), SKIN_STEPS
         )
-        if abs(distance) < SKIN_TOLERANCE:
+        # At ribs and edges the direction may lead into the link at the nearest skin: the force pulls there.
+        if abs(distance) < SKIN_TOLERANCE and shift @ outward > 0.0:
             point[w], normal[w] = on_skin, outward
             covariance[w] += (SKIN_DEVIATION**2 - variance) * np.outer(shift, shift)
     return replace(place, point=point, normal=normal, covariance=covariance)

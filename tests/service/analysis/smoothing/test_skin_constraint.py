@@ -43,6 +43,15 @@ def test_the_place_moves_along_the_line_of_action_to_the_skin() -> None:
         assert np.linalg.eigvalsh(covariance)[0] > 0.0
 
 
+def test_a_place_is_not_moved_to_skin_that_faces_the_other_way() -> None:
+    """The far side of a rib: a force that pushes into the primitive would pull there."""
+    skin, before = flat_skin(), place(0, 2)
+    after = place_on_skin(skin._replace(values=-skin.values), before)
+    np.testing.assert_array_equal(after.point, before.point)
+    np.testing.assert_array_equal(after.normal, before.normal)
+    np.testing.assert_array_equal(after.covariance, before.covariance)
+
+
 @pytest.mark.parametrize("link", [1, 0])
 def test_without_skin_nearby_the_place_is_kept(link: int) -> None:
     before = place(link, 1)
