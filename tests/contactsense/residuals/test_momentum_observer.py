@@ -169,6 +169,16 @@ def test_a_constant_has_a_first_order_response(bandwidth_of_dt: float) -> None:
     np.testing.assert_allclose(found, lag[:, None] * wrench, rtol=1e-6, atol=1e-12)
 
 
+@pytest.mark.parametrize("rate", [0.5, 1.0, 1.25, 1.5, 1.75, 2.0, 3.0, 5.0, 50.0])
+def test_a_step_between_two_samples_overshoots_at_low_rates_only(rate: float) -> None:
+    """The cubic through the samples is no step. `rate`: in multiples of the bandwidth."""
+    step = np.zeros((400, 6))
+    step[5:] = 1.0
+    found, _ = _filter(step, np.array([0.0] + [1.0 / (rate * BANDWIDTH)] * 399))
+    assert found.max() - 1.0 < (0.14 if rate < 4.0 else 1e-9)
+    np.testing.assert_allclose(found[-1], 1.0, rtol=1e-6)
+
+
 def test_a_restart_resets_the_residual() -> None:
     wrench = np.arange(1.0, 7.0)
     fresh, _ = _filter(np.tile(wrench, (10, 1)), np.array([0.0] + [0.002] * 9))
