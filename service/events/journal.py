@@ -139,7 +139,7 @@ class Journal:
         self._clock_step = ClockStep()
         self._subscribers: list[Callable[[ContactEvent], None]] = []
         self._closing = threading.Event()
-        self._unreadable = ""
+        self._unreadable, self._not_removed = "", ""
         self.error = ""
         """What is wrong, such as why the last commit failed, and what follows; empty if nothing is."""
         self._writer = threading.Thread(target=self._write, name="event journal", daemon=True)
@@ -246,7 +246,7 @@ class Journal:
                     self._database.execute("ROLLBACK")
                 self._forget_oldest()
                 return
-            self.error = self._unreadable or self._is_elsewhere()
+            self.error = self._lasting_error()
             with self._numbering:
                 for _ in rows:
                     self._waiting.popleft()
@@ -359,10 +359,16 @@ class Journal:
                 prune_at = time.monotonic() + _PRUNE_EVERY
                 try:
                     self.prune()
+                    self._not_removed = ""
                 except sqlite3.Error as error:
-                    self.error = f"old events cannot be removed from the journal: {error}"
+                    self._not_removed = f"old events cannot be removed from the journal: {error}"
+                self.error = self._lasting_error()
             if not self.error:
-                self.error = self._unreadable or self._is_elsewhere()
+                self.error = self._lasting_error()
+
+    def _lasting_error(self) -> str:
+        """What is wrong although events can be written."""
+        return self._unreadable or self._not_removed or self._is_elsewhere()
 
     def _is_elsewhere(self) -> str:
         """What is wrong if somebody has removed, moved or replaced the file: what is written goes to one

@@ -56,8 +56,9 @@ def _of_mcap(path: Path) -> Iterator[tuple[str, str, bytes]]:
             elif isinstance(record, Channel):
                 channels[record.id] = record.topic, types.get(record.schema_id, "")
             elif isinstance(record, Message):
-                topic, kind = channels[record.channel_id]
-                yield topic, kind, record.data
+                if record.channel_id not in channels:
+                    raise ValueError(f"a message of channel {record.channel_id}, which is not in the file")
+                yield *channels[record.channel_id], record.data
 
 
 def _of_database(path: Path) -> Iterator[tuple[str, str, bytes]]:
@@ -70,6 +71,8 @@ def _of_database(path: Path) -> Iterator[tuple[str, str, bytes]]:
                 for number, name, kind in database.execute("SELECT id, name, type FROM topics")
             }
             for topic, data in database.execute("SELECT topic_id, data FROM messages ORDER BY rowid"):
+                if topic not in topics:
+                    raise ValueError(f"a message of topic {topic}, which is not in the file")
                 yield *topics[topic], data
-    except (sqlite3.Error, KeyError) as error:
+    except sqlite3.Error as error:
         raise ValueError(str(error)) from None

@@ -166,6 +166,26 @@ def test_age_and_size_are_limited(tmp_path: Path) -> None:
         assert journal.since(0) == []
 
 
+def test_old_events_that_cannot_be_removed_are_told_until_they_can(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("contactsense.service.events.journal._PRUNE_EVERY", 0.0)
+    with Journal(JournalSettings()) as journal:
+        journal.append(event(0))
+        journal.flush()
+        with journal.lock:
+            journal.database.execute("UPDATE events SET stored = 0")
+            journal.database.execute(
+                "CREATE TRIGGER kept BEFORE DELETE ON events BEGIN SELECT RAISE(ABORT, 'it is kept'); END"
+            )
+        told = "old events cannot be removed from the journal: it is kept"
+        until(lambda: journal.error == told)
+        journal.append(event(1))
+        journal.flush()
+        assert journal.error == told
+        with journal.lock:
+            journal.database.execute("DROP TRIGGER kept")
+        until(lambda: journal.error == "")
+
+
 def test_a_file_that_is_no_database_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "j.db"
     path.write_text("something else" * 100)

@@ -14,6 +14,7 @@ from contactsense import Scene
 from contactsense.service.analysis.fleet.segments import find_recordings
 from contactsense.service.recordings import Recording, RecordingError, read
 from contactsense.service.recordings.export import export
+from contactsense.service.recordings.ros.cut_bags import raw_messages
 
 pytest.importorskip("mcap_ros2")
 rosbag2 = pytest.importorskip("rosbags.rosbag2")
@@ -105,6 +106,38 @@ def test_a_rosbag2_folder_that_is_cut_short_is_used_up_to_there(
     found = read(bag, SCENE)
     _check_rest(found, 0.6)
     assert found.problems[-1].message.endswith("; bag.db3: database disk image is malformed")
+
+
+def test_a_damaged_topic_number_is_told(tmp_path: Path, rosbag: Path) -> None:
+    bag = copytree(rosbag, tmp_path / "bag")
+    (bag / "metadata.yaml").unlink()
+    with closing(sqlite3.connect(bag / "bag.db3")) as database:
+        database.execute("UPDATE messages SET topic_id = 9 WHERE rowid = ?", (N,))
+        database.commit()
+    found = read(bag, SCENE)
+    _check_rest(found, 0.4)
+    assert "a message of topic 9, which is not in the file" in found.problems[-1].message
+
+
+def test_a_message_of_a_channel_that_is_not_in_the_file_ends_it(tmp_path: Path) -> None:
+    from mcap.writer import CompressionType, Writer
+
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file, compression=CompressionType.NONE, use_chunking=False)
+        writer.start()
+        schema = writer.register_schema("kind", "ros2msg", b"")
+        channel = writer.register_channel("/joint_states", "cdr", schema)
+        writer.add_message(channel, 0, b"first", 0)
+        writer.finish()
+    messages = raw_messages(path)
+    assert next(messages) == ("/joint_states", "kind", b"first")
+    data = path.read_bytes()
+    at = data.index(b"first") - 22  # after channel (2), sequence (4), log and publish time (8 + 8)
+    assert data[at : at + 2] == channel.to_bytes(2, "little")
+    path.write_bytes(data[:at] + (9).to_bytes(2, "little") + data[at + 2 :])
+    with pytest.raises(ValueError, match="a message of channel 9, which is not in the file"):
+        next(raw_messages(path))
 
 
 @pytest.mark.parametrize("name", ["50%25", "Zelle 1?", "bag #2", "Süd"])
