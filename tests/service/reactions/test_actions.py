@@ -1,6 +1,7 @@
 """Each action against a scripted peer."""
 
 import base64
+import contextlib
 import http.client
 import http.server
 import json
@@ -158,6 +159,17 @@ def test_a_command_gets_the_decision(tmp_path: Path) -> None:
     script = f"import sys; open({str(out)!r}, 'w').write(sys.stdin.read())"
     CommandAction(type="command", command=(sys.executable, "-c", script)).perform(TOLD, HOST)
     assert json.loads(out.read_text())["link"] == "forearm"
+
+
+@pytest.mark.parametrize(("redirection", "is_over"), [("2> /dev/null", True), ("", False)])
+def test_a_program_is_over_once_nobody_can_write_to_its_standard_error(
+    redirection: str, is_over: bool
+) -> None:
+    """What it leaves in the background, too."""
+    command = ("/bin/sh", "-c", f"sleep 5 {redirection} &")
+    action = CommandAction(type="command", command=command, timeout=0.5)
+    with contextlib.nullcontext() if is_over else pytest.raises(ActionError, match="killed after"):
+        action.perform(TOLD, HOST)
 
 
 @pytest.mark.parametrize(
