@@ -139,11 +139,15 @@ class Journal:
         self._clock_step = ClockStep()
         self._subscribers: list[Callable[[ContactEvent], None]] = []
         self._closing = threading.Event()
-        self._unreadable, self._not_removed = "", ""
-        self.error = ""
-        """What is wrong, such as why the last commit failed, and what follows; empty if nothing is."""
+        # What is wrong, each until it is over.
+        self._not_written, self._unreadable, self._not_removed, self._elsewhere = "", "", "", ""
         self._writer = threading.Thread(target=self._write, name="event journal", daemon=True)
         self._writer.start()
+
+    @property
+    def error(self) -> str:
+        """What is wrong, such as why the last commit failed, and what follows; empty if nothing is."""
+        return self._not_written or self._unreadable or self._not_removed or self._elsewhere
 
     @property
     def database(self) -> sqlite3.Connection:
@@ -241,12 +245,12 @@ class Journal:
                 self._database.executemany("INSERT INTO events VALUES (?, ?, ?, ?)", stored)
                 self._database.execute("COMMIT")
             except sqlite3.Error as error:  # such as a full disk: keep the events and try again
-                self.error = _cannot_write(error)
+                self._not_written = _cannot_write(error)
                 if self._database.in_transaction:
                     self._database.execute("ROLLBACK")
                 self._forget_oldest()
                 return
-            self.error = self._lasting_error()
+            self._not_written, self._elsewhere = "", self._is_elsewhere()
             with self._numbering:
                 for _ in rows:
                     self._waiting.popleft()
@@ -349,7 +353,7 @@ class Journal:
             self._database.execute("INSERT OR REPLACE INTO numbers VALUES ('reserved', ?)", (upto,))
             self._reserved = upto
         except sqlite3.Error as error:
-            self.error = _cannot_write(error)
+            self._not_written = _cannot_write(error)
 
     def _write(self) -> None:
         prune_at = time.monotonic() + _PRUNE_EVERY
@@ -362,13 +366,7 @@ class Journal:
                     self._not_removed = ""
                 except sqlite3.Error as error:
                     self._not_removed = f"old events cannot be removed from the journal: {error}"
-                self.error = self._lasting_error()
-            if not self.error:
-                self.error = self._lasting_error()
-
-    def _lasting_error(self) -> str:
-        """What is wrong although events can be written."""
-        return self._unreadable or self._not_removed or self._is_elsewhere()
+            self._elsewhere = self._is_elsewhere()
 
     def _is_elsewhere(self) -> str:
         """What is wrong if somebody has removed, moved or replaced the file: what is written goes to one

@@ -1,4 +1,4 @@
-"""Several contacts with `Localizer.locate`: invariants, degenerate cases, invalid input."""
+"""Several contacts with `Localizer.locate`: invariants and degenerate cases."""
 
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 
 from contactsense import (
-    Contact,
-    Estimate,
     JointTorqueSensor,
     Localizer,
     Scene,
@@ -19,6 +17,7 @@ from contactsense.benchmarks.multi_contact.measure import match
 from contactsense.benchmarks.multi_contact.trials import Push, Trial, Trials
 from contactsense.multi_contact.contact_set_builder import NOT_EXPLAINED
 from contactsense.multi_contact.locator import SEVERAL_CONTACTS
+from tests.contactsense.multi_contact.measured_trials import locate, single_contact, trial_and_contact
 from tests.plain_arm import plain_ur5e
 
 pytestmark = pytest.mark.slow  # its kernels compile for long
@@ -37,86 +36,6 @@ def precise() -> Localizer:
     return Localizer(PRECISE)
 
 
-def _locate(localizer: Localizer, trial: Trial, pushes: tuple[Push, ...], **options: object) -> Estimate:
-    base, torque = trial.measure(pushes)
-    return localizer.locate(trial.q, base_wrench=base, joint_torque=torque, **options)  # type: ignore[arg-type]
-
-
-def _single_contact(localizer: Localizer, trial: Trial, push: Push) -> Contact:
-    """The correct candidate of a single push, as known contact of the following measurement."""
-    found = _locate(localizer, trial, (push,)).contacts
-    return min(found, key=lambda contact: float(np.linalg.norm(contact.point_base - push.point)))
-
-
-def _trial_and_contact(localizer: Localizer) -> tuple[Trial, Contact]:
-    trial = Trials(localizer.scene, seed=15).draw(1, 20.0, "different")
-    return trial, _single_contact(localizer, trial, trial.pushes[0])
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"contacts": 0}, "contacts: expected 1 to 3, got 0"),
-        ({"contacts": 4}, "contacts: expected 1 to 3, got 4"),
-        ({"contacts": 2.0}, "contacts: expected 1 to 3, got 2.0"),
-        ({"contacts": np.int64(4)}, "contacts: expected 1 to 3, got"),
-        ({"contacts": 2, "known": None}, "known: expected a sequence of Contact, got None"),
-        ({"contacts": 2, "drift": "1"}, "drift: expected a positive number of N, got '1'"),
-        ({"contacts": 2, "drift": -1.0}, "drift: expected a positive number of N, got -1.0"),
-        ({"contacts": 2, "known": [1]}, r"known\[0\]: expected a Contact, got 1"),
-        ({"contacts": 2, "drift": float("nan")}, "drift: expected a positive number of N, got nan"),
-    ],
-)
-def test_wrong_options_are_refused(ordinary: Localizer, options: dict[str, object], message: str) -> None:
-    trial, _ = _trial_and_contact(ordinary)
-    with pytest.raises(ValueError, match=message):
-        _locate(ordinary, trial, trial.pushes, **options)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"link_index": 9}, r"known\[0\].link_index: expected 0 to 6, got 9"),
-        ({"primitive": 17}, r"known\[0\].primitive: expected 0 to \d on .*, got 17"),
-        ({"point_base": np.full(3, np.nan)}, r"known\[0\].point_base: expected finite numbers"),
-        ({"torsion": float("nan")}, r"known\[0\].torsion: expected a finite number, got nan"),
-        ({"covariance": np.zeros(3)}, r"known\[0\].covariance: expected finite numbers of shape \(3, 3\)"),
-        (
-            {"covariance": -1e-4 * np.eye(3)},
-            r"known\[0\].covariance: expected a symmetric matrix",
-        ),
-        ({"covariance": np.diag([1e-4, -1e-4, 1e-4])}, r"known\[0\].covariance: expected a symmetric matrix"),
-        ({"covariance": 1e-4 * np.tri(3)}, r"known\[0\].covariance: expected a symmetric matrix"),
-    ],
-)
-def test_wrong_known_contacts_are_refused(
-    ordinary: Localizer, change: dict[str, object], message: str
-) -> None:
-    trial, known = _trial_and_contact(ordinary)
-    with pytest.raises(ValueError, match=message):
-        _locate(ordinary, trial, trial.pushes, contacts=2, known=[replace(known, **change)])  # type: ignore[arg-type]
-
-
-def test_numbers_of_numpy_and_a_rounded_covariance_are_accepted(ordinary: Localizer) -> None:
-    trial, known = _trial_and_contact(ordinary)
-    digits = np.array([[float(f"{x:.7g}") for x in row] for row in known.covariance])
-    options = {"contacts": np.int64(2), "known": [replace(known, covariance=digits)], "drift": np.float64(1)}
-    found = _locate(ordinary, trial, trial.pushes, **options)
-    assert found.contacts[0].link == known.link
-
-
-def test_more_known_contacts_than_asked_for_are_refused(ordinary: Localizer) -> None:
-    trial, known = _trial_and_contact(ordinary)
-    with pytest.raises(ValueError, match="known: expected at most 1"):
-        _locate(ordinary, trial, trial.pushes, contacts=1, known=[known, known])
-
-
-def test_values_that_are_not_finite_are_refused(ordinary: Localizer) -> None:
-    trial, known = _trial_and_contact(ordinary)
-    with pytest.raises(ValueError, match="base_wrench: expected finite numbers"):
-        ordinary.locate(trial.q, base_wrench=np.full(6, np.nan), contacts=2, known=[known])
-
-
 def test_the_compilation_for_several_contacts_is_shown(monkeypatch: pytest.MonkeyPatch) -> None:
     """A localizer for one contact compiles that search when it is first asked for."""
     shown: list[tuple[object, ...]] = []
@@ -128,9 +47,9 @@ def test_the_compilation_for_several_contacts_is_shown(monkeypatch: pytest.Monke
     localizer = Localizer(PRECISE)
     monkeypatch.setattr(static_localizer, "loaded", lambda kernel: False)
     monkeypatch.setattr(static_localizer, "shown_compilation", record)
-    trial, _ = _trial_and_contact(localizer)
+    trial, _ = trial_and_contact(localizer)
     assert not shown
-    _locate(localizer, trial, trial.pushes, contacts=2)
+    locate(localizer, trial, trial.pushes, contacts=2)
     assert shown == [SEVERAL_CONTACTS]
 
 
@@ -138,8 +57,8 @@ def test_a_second_contact_is_found_beside_a_known_one(precise: Localizer) -> Non
     trials, errors = Trials(PRECISE, seed=1), []
     for _ in range(25):
         trial = trials.draw(2, 20.0, "different")
-        known = _single_contact(precise, trial, trial.pushes[0])
-        both = _locate(precise, trial, trial.pushes, contacts=2, known=(known,), drift=0.1)
+        known = single_contact(precise, trial, trial.pushes[0])
+        both = locate(precise, trial, trial.pushes, contacts=2, known=(known,), drift=0.1)
         assert both.status == "multiple"
         assert both.explanations[0].contacts == both.contacts
         assert len(both.contacts) == 2
@@ -167,7 +86,7 @@ def test_a_known_force_has_the_noise_of_the_sensor() -> None:
         base[:3] += 2.0
         known = noisy.locate(trial.q, base_wrench=base, joint_torque=torque).contacts[0]
         assert np.linalg.norm(known.force_base - trial.pushes[0].force) > 5.0 * drift
-        found = _locate(noisy, trial, trial.pushes, contacts=2, known=[known], drift=drift)
+        found = locate(noisy, trial, trial.pushes, contacts=2, known=[known], drift=drift)
         assert len(found.contacts) == 1
 
 
@@ -175,8 +94,8 @@ def test_a_third_contact_is_found_beside_two_known_ones(precise: Localizer) -> N
     trials, errors = Trials(PRECISE, seed=2), []
     for _ in range(15):
         trial = trials.draw(3, 20.0, "different")
-        known = tuple(_single_contact(precise, trial, push) for push in trial.pushes[:2])
-        every = _locate(precise, trial, trial.pushes, contacts=3, known=known, drift=0.1)
+        known = tuple(single_contact(precise, trial, push) for push in trial.pushes[:2])
+        every = locate(precise, trial, trial.pushes, contacts=3, known=known, drift=0.1)
         assert every.status == "multiple"
         errors.append(match(every.contacts, [push.point for push in trial.pushes]).max())
     assert np.median(errors) < 1e-3
@@ -186,9 +105,9 @@ def test_the_order_of_known_contacts_does_not_matter(precise: Localizer) -> None
     trials = Trials(PRECISE, seed=3)
     for _ in range(5):
         trial = trials.draw(3, 20.0, "different")
-        known = tuple(_single_contact(precise, trial, push) for push in trial.pushes[:2])
-        one = _locate(precise, trial, trial.pushes, contacts=3, known=known)
-        other = _locate(precise, trial, trial.pushes, contacts=3, known=known[::-1])
+        known = tuple(single_contact(precise, trial, push) for push in trial.pushes[:2])
+        one = locate(precise, trial, trial.pushes, contacts=3, known=known)
+        other = locate(precise, trial, trial.pushes, contacts=3, known=known[::-1])
         assert len(one.contacts) == len(other.contacts)
         assert match(one.contacts, [contact.point_base for contact in other.contacts]).max() < 2e-3
         assert one.explanations[0].probability == pytest.approx(other.explanations[0].probability, abs=0.05)
@@ -199,13 +118,13 @@ def test_beside_three_known_contacts_no_further_one_is_searched(precise: Localiz
     trials = Trials(PRECISE, seed=5)
     for _ in range(5):
         trial = trials.draw(3, 20.0, "different")
-        known = tuple(_single_contact(precise, trial, push) for push in trial.pushes)
-        _locate(precise, trial, trial.pushes, contacts=3, known=known[:2])
+        known = tuple(single_contact(precise, trial, push) for push in trial.pushes)
+        locate(precise, trial, trial.pushes, contacts=3, known=known[:2])
         search = precise._locator
         assert search is not None
         columns = search.buffers.seeding.known_jacobian.copy()
         assert columns.any()
-        found = _locate(precise, trial, trial.pushes, contacts=3, known=known)
+        found = locate(precise, trial, trial.pushes, contacts=3, known=known)
         assert len(found.contacts) == 3
         np.testing.assert_array_equal(search.buffers.seeding.known_jacobian, columns)
 
@@ -215,10 +134,10 @@ def test_one_contact_is_explained_as_one(ordinary: Localizer) -> None:
     counts = []
     for _ in range(60):
         trial = trials.draw(1, 20.0, "different")
-        up_to_three = _locate(ordinary, trial, trial.pushes, contacts=3)
+        up_to_three = locate(ordinary, trial, trial.pushes, contacts=3)
         counts.append(1 if up_to_three.status != "multiple" else len(up_to_three.contacts))
         if up_to_three.status != "multiple":
-            one = _locate(ordinary, trial, trial.pushes)
+            one = locate(ordinary, trial, trial.pushes)
             assert one.status == up_to_three.status
             assert one.contacts[0].probability == up_to_three.contacts[0].probability
     assert np.mean(np.array(counts) == 1) > 0.95
@@ -228,9 +147,9 @@ def test_a_known_contact_that_stays_alone_is_one_contact(ordinary: Localizer) ->
     trials = Trials(ordinary.scene, seed=5)
     for _ in range(20):
         trial = trials.draw(1, 20.0, "different")
-        known = _single_contact(ordinary, trial, trial.pushes[0])
+        known = single_contact(ordinary, trial, trial.pushes[0])
         pushed = trials.changed(trial.pushes[0], None)
-        again = _locate(ordinary, trial, (pushed,), contacts=2, known=(known,))
+        again = locate(ordinary, trial, (pushed,), contacts=2, known=(known,))
         assert again.status in ("contact", "ambiguous")
         assert again.contacts[0].link == known.link
         # Two samples give more information than one.
@@ -241,7 +160,7 @@ def test_probabilities_add_up_to_one(ordinary: Localizer) -> None:
     trials = Trials(ordinary.scene, seed=6)
     for _ in range(15):
         trial = trials.draw(2, 30.0, "different")
-        both = _locate(ordinary, trial, trial.pushes, contacts=2)
+        both = locate(ordinary, trial, trial.pushes, contacts=2)
         if both.status != "multiple":
             continue
         p = [explanation.probability for explanation in both.explanations]
@@ -269,7 +188,7 @@ def test_the_estimate_is_equivariant_under_rotation_about_the_base_axis(precise:
         if any(push.link == 0 for push in trial.pushes):
             continue  # the base does not turn with the first joint
         compared += 1
-        known = _single_contact(precise, trial, trial.pushes[0])
+        known = single_contact(precise, trial, trial.pushes[0])
         turned = replace(
             known,
             point_base=turn @ known.point_base,
@@ -296,8 +215,8 @@ def test_two_contacts_on_one_link_are_reported_as_a_sum(precise: Localizer) -> N
     trials = Trials(PRECISE, seed=8)
     for _ in range(5):
         trial = trials.draw(2, 20.0, "same")
-        known = _single_contact(precise, trial, trial.pushes[0])
-        both = _locate(precise, trial, trial.pushes, contacts=2, known=[known], drift=0.1)
+        known = single_contact(precise, trial, trial.pushes[0])
+        both = locate(precise, trial, trial.pushes, contacts=2, known=[known], drift=0.1)
         if both.status == "multiple" and len({contact.link for contact in both.contacts}) == 1:
             assert "the sum only" in both.reason
             assert "cannot be resolved" in both.reason
@@ -312,7 +231,7 @@ def test_unresolved_unknowns_of_adjacent_links_are_reported(ordinary: Localizer)
     reported = 0
     for _ in range(40):
         trial = trials.draw(2, 30.0, "different")
-        both = _locate(ordinary, trial, trial.pushes, contacts=2)
+        both = locate(ordinary, trial, trial.pushes, contacts=2)
         links = sorted(contact.link_index for contact in both.contacts)
         if both.status == "multiple" and links[1] - links[0] < 4:
             assert f"{6 + links[1] - links[0]} independent measurements for 10 unknowns" in both.reason
@@ -340,7 +259,7 @@ def test_opposite_forces_that_cancel_are_detected(ordinary: Localizer) -> None:
         if two.force @ two.normal > -15.0:
             continue
         seen += 1
-        estimate = _locate(ordinary, trial, (one, two), contacts=2)
+        estimate = locate(ordinary, trial, (one, two), contacts=2)
         assert estimate.status != "none"
         assert estimate.status == "multiple" or estimate.reason or estimate.contacts
         if seen == 5:
@@ -351,21 +270,21 @@ def test_opposite_forces_that_cancel_are_detected(ordinary: Localizer) -> None:
 def test_two_pushes_at_one_point_are_one_contact(ordinary: Localizer) -> None:
     trial = Trials(ordinary.scene, seed=11).draw(1, 10.0, "different")
     push = _along_normal(trial.pushes[0])
-    estimate = _locate(ordinary, trial, (push, push), contacts=2)
+    estimate = locate(ordinary, trial, (push, push), contacts=2)
     assert estimate.status in ("contact", "ambiguous")
-    twice = _locate(ordinary, trial, (replace(push, force=2.0 * push.force, torsion=2.0 * push.torsion),))
+    twice = locate(ordinary, trial, (replace(push, force=2.0 * push.force, torsion=2.0 * push.torsion),))
     np.testing.assert_allclose(estimate.contacts[0].force_base, twice.contacts[0].force_base, atol=1e-6)
 
 
 def test_tiny_forces_are_not_detected(ordinary: Localizer) -> None:
     trial = Trials(ordinary.scene, seed=12).draw(3, 1e-3, "different")
-    assert _locate(ordinary, trial, trial.pushes, contacts=3).status == "none"
+    assert locate(ordinary, trial, trial.pushes, contacts=3).status == "none"
 
 
 def test_a_released_known_contact_has_no_force(precise: Localizer) -> None:
     trial = Trials(PRECISE, seed=13).draw(2, 20.0, "different")
-    known = [_single_contact(precise, trial, push) for push in trial.pushes]
-    remaining = _locate(precise, trial, trial.pushes[:1], contacts=2, known=known)
+    known = [single_contact(precise, trial, push) for push in trial.pushes]
+    remaining = locate(precise, trial, trial.pushes[:1], contacts=2, known=known)
     force = {contact.link: float(np.linalg.norm(contact.force_base)) for contact in remaining.contacts}
     assert force[known[1].link] < 2.0
 
@@ -391,7 +310,7 @@ def test_a_known_contact_must_explain_the_measurement(
     ordinary: Localizer, factor: float, status: str, reason: str, drift: float | None
 ) -> None:
     """Not one that pulls at the same place."""
-    trial, known = _trial_and_contact(ordinary)
+    trial, known = trial_and_contact(ordinary)
     base, torque = trial.measure(trial.pushes)
     found = ordinary.locate(
         trial.q, base_wrench=factor * base, joint_torque=factor * torque, known=[known], drift=drift
@@ -402,9 +321,9 @@ def test_a_known_contact_must_explain_the_measurement(
 
 def test_a_third_push_beside_two_contacts_is_told(ordinary: Localizer) -> None:
     trial = Trials(ordinary.scene, seed=15).draw(3, 20.0, "different")
-    known = _single_contact(ordinary, trial, trial.pushes[0])
+    known = single_contact(ordinary, trial, trial.pushes[0])
     two, three = (
-        _locate(ordinary, trial, trial.pushes[:count], contacts=2, known=[known], drift=1.0)
+        locate(ordinary, trial, trial.pushes[:count], contacts=2, known=[known], drift=1.0)
         for count in (2, 3)
     )
     assert NOT_EXPLAINED not in two.reason

@@ -177,13 +177,34 @@ def test_old_events_that_cannot_be_removed_are_told_until_they_can(monkeypatch: 
                 "CREATE TRIGGER kept BEFORE DELETE ON events BEGIN SELECT RAISE(ABORT, 'it is kept'); END"
             )
         told = "old events cannot be removed from the journal: it is kept"
-        until(lambda: journal.error == told)
+        assert until(lambda: journal.error == told)
         journal.append(event(1))
         journal.flush()
         assert journal.error == told
         with journal.lock:
             journal.database.execute("DROP TRIGGER kept")
-        until(lambda: journal.error == "")
+        assert until(lambda: journal.error == "")
+
+
+def test_events_that_cannot_be_written_are_told_although_old_ones_are_removed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("contactsense.service.events.journal._PRUNE_EVERY", 0.0)
+    removals: list[float] = []
+    monkeypatch.setattr(Journal, "prune", lambda _: removals.append(time.monotonic()))
+    with Journal(JournalSettings()) as journal:
+        with journal.lock:
+            journal.database.execute(
+                "CREATE TRIGGER full BEFORE INSERT ON events BEGIN SELECT RAISE(ABORT, 'it is full'); END"
+            )
+        journal.append(event(0))
+        journal.flush()
+        before = len(removals)
+        assert until(lambda: len(removals) > before + 1)
+        assert "the journal cannot be written: it is full" in journal.error
+        with journal.lock:
+            journal.database.execute("DROP TRIGGER full")
+        assert until(lambda: journal.error == "")
 
 
 def test_a_file_that_is_no_database_is_refused(tmp_path: Path) -> None:

@@ -23,16 +23,14 @@ def line_server(greeting: bytes, answers: bytes | None) -> Iterator[tuple[int, l
     heard: list[bytes] = []
 
     def serve() -> None:
-        try:
+        with suppress(OSError):
             connection, _ = listener.accept()
-        except OSError:
-            return
-        with connection:
-            connection.sendall(greeting)
-            while chunk := connection.recv(4096):
-                heard.append(chunk)
-                if answers is not None:
-                    connection.sendall(answers)
+            with connection:
+                connection.sendall(greeting)
+                while chunk := connection.recv(4096):
+                    heard.append(chunk)
+                    if answers is not None:
+                        connection.sendall(answers)
 
     thread = threading.Thread(target=serve, daemon=True)
     thread.start()
