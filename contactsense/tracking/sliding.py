@@ -8,10 +8,14 @@ next longer one j thus give an independent measurement of the place p now and of
     F_i x_i - F_j x_j = (F_i - F_j) p - (F_i a_i - F_j a_j) v,    of variance V_i - V_j,
 
 the longest one alone with F_j = V_j = 0. Beforehand, the contact holds its place with probability 1 - q, or
-slides with a velocity whose components are normally distributed about zero with variance s. With L the
-inverse variance of v, prior included, the odds of sliding are
+slides. What slides over the arm drags it along (Coulomb): the tangential force points the way of the contact.
+So the component of the velocity along it is positive, as the absolute value of a normal variable, and the
+component across it is zero, both as far as the normal is known: a tangential force of r times the normal one
+has a direction of weight r^2 / (r^2 + e^2), with e the error of the normal. Without a tangential force both
+components are normally distributed about zero. With m_k and s_k mean and variance of the component k, and L_k
+its inverse variance, prior included, the odds of sliding are
 
-    q / (1 - q) * exp(1/2 L |v|^2) / (s L).
+    q / (1 - q) * prod_k exp(1/2 L_k v_k^2 - 1/2 m_k^2 / s_k) / sqrt(s_k L_k).
 
 The place moves by what this regression finds, times the probability that the contact slides. The variance
 that the regression leaves and that between both cases add to its covariance. So the region of a contact that
@@ -25,15 +29,17 @@ import numpy as np
 
 from contactsense.kinematics.model import Motion
 from contactsense.robots.jit.kernel import kernel
-from contactsense.robots.vectors import add, dot, rotate, scale, tangents, vector
+from contactsense.robots.vectors import Vector, add, dot, rotate, scale, tangents, vector
 from contactsense.tracking.contact_track import SLIDE, WINDOWS, ContactTrack
 from contactsense.tracking.contact_tracker import POSITION_TOLERANCE
 
 _PROBABILITY = 0.5
 """That a contact slides, before any window tells; of one in the phase `SLIDE` it is 1."""
 _SPEED = 0.03
-"""Standard deviation of the velocity of a sliding contact along each tangent [m/s]: a few centimetres a
-second, as hands and objects slide along an arm."""
+"""Standard deviation of the velocity of a sliding contact along each tangent, its direction unknown [m/s]: a
+few centimetres a second, as hands and objects slide along an arm."""
+_NORMAL_ERROR = 0.15
+"""Of the direction of the normal [rad]: how far that of a primitive usually is from that of the link."""
 _MAX_SHIFT = 0.01
 """Largest shift of a point; above, nothing is shifted [m]."""
 _MAX_LOG_ODDS = 50.0
@@ -74,10 +80,10 @@ def extrapolate_sliding(
     status = track.status[0]
     if status.last_body != body or not track.windows[status.window].normal_force < 0.0:
         return
-    slide, R = _regress(track), motion.rotation[body]
-    probability = slide.probability
     normal = vector(track.last_normal)
     t1, t2 = tangents(normal)
+    slide, R = _regress(track, _velocity_prior(track, t1, t2)), motion.rotation[body]
+    probability = slide.probability
     step = scale(probability, add(scale(slide.x, t1), scale(slide.y, t2)))
     if dot(step, step) < _MAX_SHIFT * _MAX_SHIFT:
         step_base = rotate(R, step)
@@ -94,8 +100,45 @@ def extrapolate_sliding(
             covariance[i, k] -= variance * n[i] * n[k]
 
 
+class _VelocityPrior(NamedTuple):
+    """What the tangential force tells of the velocity of a contact that slides."""
+
+    x: float
+    y: float
+    """Unit vector of its direction, along the tangents."""
+    mean: float
+    """Of the component along it [m/s]; across it, zero."""
+    variance_along: float
+    variance_across: float
+    """[m^2/s^2]"""
+
+
 @kernel
-def _regress(track: ContactTrack) -> _Slide:
+def _velocity_prior(track: ContactTrack, t1: Vector, t2: Vector) -> _VelocityPrior:
+    """From the mean force of the window in use; t1 and t2 are the tangents."""
+    status = track.status[0]
+    index = 6 * status.last_body
+    w, normal_force = track.mean[status.window], track.windows[status.window].normal_force
+    force = (w[index], w[index + 1], w[index + 2])
+    x, y = dot(force, t1), dot(force, t2)
+    squared = x * x + y * y
+    if not squared > 0.0:
+        return _VelocityPrior(1.0, 0.0, 0.0, _SPEED * _SPEED, _SPEED * _SPEED)
+    known = squared / (squared + (_NORMAL_ERROR * normal_force) ** 2)
+    # Moments of the absolute value of a normal variable with the variance of both components together.
+    mean = _SPEED * math.sqrt(known * 4.0 / math.pi)
+    tangential = math.sqrt(squared)
+    return _VelocityPrior(
+        x / tangential,
+        y / tangential,
+        mean,
+        (1.0 + known) * _SPEED * _SPEED - mean * mean,
+        (1.0 - known) * _SPEED * _SPEED,
+    )
+
+
+@kernel
+def _regress(track: ContactTrack, prior: _VelocityPrior) -> _Slide:
     """Place and velocity by weighted least squares from the windows."""
     status = track.status[0]
     used, slides = track.windows[status.window], status.phase == SLIDE
@@ -121,13 +164,20 @@ def _regress(track: ContactTrack) -> _Slide:
         vy += weight * of_velocity * (y - longer_y)
         longer_variance, longer_force = variance, F
         longer_age, longer_x, longer_y = age, x, y
-    information = max(vv - pv * pv / pp, 0.0) + 1.0 / (_SPEED * _SPEED)
-    velocity_x, velocity_y = (vx - pv * px / pp) / information, (vy - pv * py / pp) / information
-    log_odds = 0.5 * information * (velocity_x * velocity_x + velocity_y * velocity_y)
-    odds = _PROBABILITY * math.exp(min(log_odds, _MAX_LOG_ODDS)) / (_SPEED * _SPEED * information)
+    of_windows = max(vv - pv * pv / pp, 0.0)
+    of_x, of_y = vx - pv * px / pp, vy - pv * py / pp
+    along, across = of_windows + 1.0 / prior.variance_along, of_windows + 1.0 / prior.variance_across
+    v_along = (prior.x * of_x + prior.y * of_y + prior.mean / prior.variance_along) / along
+    v_across = (prior.x * of_y - prior.y * of_x) / across
+    log_odds = 0.5 * (along * v_along * v_along + across * v_across * v_across)
+    log_odds -= 0.5 * prior.mean * prior.mean / prior.variance_along
+    shrinkage = math.sqrt(prior.variance_along * along * prior.variance_across * across)
+    odds = _PROBABILITY * math.exp(min(log_odds, _MAX_LOG_ODDS)) / shrinkage
     of_moment = 0.5 * (used.moment_xx + used.moment_yy)
     of_window = of_moment / used.normal_force**2 + POSITION_TOLERANCE * POSITION_TOLERANCE
-    variance = 1.0 / pp + (pv / pp) ** 2 / information - of_window
+    variance = 1.0 / pp + (pv / pp) ** 2 * 0.5 * (1.0 / along + 1.0 / across) - of_window
+    velocity_x = prior.x * v_along - prior.y * v_across
+    velocity_y = prior.y * v_along + prior.x * v_across
     return _Slide(
         (px - pv * velocity_x) / pp,
         (py - pv * velocity_y) / pp,
