@@ -29,7 +29,7 @@ import numpy as np
 
 from contactsense.kinematics.model import Motion
 from contactsense.robots.jit.kernel import kernel
-from contactsense.robots.vectors import Vector, add, dot, rotate, scale, tangents, vector
+from contactsense.robots.vectors import Vector, add, dot, norm, rotate, scale, tangents, vector
 from contactsense.tracking.contact_track import SLIDE, WINDOWS, ContactTrack
 from contactsense.tracking.contact_tracker import POSITION_TOLERANCE
 
@@ -40,8 +40,9 @@ _SPEED = 0.03
 few centimetres a second, as hands and objects slide along an arm."""
 _NORMAL_ERROR = 0.15
 """Of the direction of the normal [rad]: how far that of a primitive usually is from that of the link."""
-_MAX_SHIFT = 0.01
-"""Largest shift of a point; above, nothing is shifted [m]."""
+_MAX_SHIFT = 0.03
+"""Largest shift of a point [m]: along a tangent, farther ones leave a curved link. The rest adds to the
+covariance."""
 _MAX_LOG_ODDS = 50.0
 """Bound that keeps the exponential finite."""
 
@@ -85,14 +86,17 @@ def extrapolate_sliding(
     slide, R = _regress(track, _velocity_prior(track, t1, t2)), motion.rotation[body]
     probability = slide.probability
     step = scale(probability, add(scale(slide.x, t1), scale(slide.y, t2)))
-    if dot(step, step) < _MAX_SHIFT * _MAX_SHIFT:
+    distance = norm(step)
+    done = min(distance, _MAX_SHIFT)
+    if done > 0.0:
+        step = scale(done / distance, step)
         step_base = rotate(R, step)
         for k in range(3):
             point[k] += step[k]
             point_base[k] += step_base[k]
     # Of the mixture of holding and sliding.
     between = 0.5 * (1.0 - probability) * (slide.x * slide.x + slide.y * slide.y)
-    variance = probability * (slide.variance + between)
+    variance = probability * (slide.variance + between) + 0.5 * (distance - done) ** 2
     n = rotate(R, normal)
     for i in range(3):
         covariance[i, i] += variance

@@ -99,11 +99,7 @@ def analyze(
         check_name(out)
     except RecordingError as error:
         raise click.ClickException(f"--out: {error}") from None
-    if (
-        workers is not None
-        or scheduler is not None
-        or any(path.is_dir() and not is_bag(path) for path in files)
-    ):
+    if workers is not None or scheduler is not None or any(_is_folder(path) for path in files):
         if limits_path is not None or estimates or mcap or columns is not None:
             raise click.UsageError(
                 "--limits, --estimates, --mcap, --columns: not for a dataset; analyze its files one by one"
@@ -154,6 +150,11 @@ def analyze(
         raise click.ClickException(f"{skipped} of {len(files)} recordings were skipped")
     if unjudged:
         sys.exit(1)
+
+
+def _is_folder(path: Path) -> bool:
+    """Whether it holds recordings; the folder of a bag is one recording."""
+    return path.is_dir() and not is_bag(path)
 
 
 def _folders(files: tuple[Path, ...], out: Path) -> list[Path]:

@@ -114,13 +114,8 @@ def decompose(
         raise click.ClickException(
             f"decompose needs the extra packages: {install_command('geometry')} ({error})"
         ) from error
-    if as_tool and as_body:
-        raise click.UsageError("--as-tool, --as-body: expected one of them, got both")
-    rigid = "--as-tool" if as_tool else "--as-body" if as_body else ""
-    if rigid and (meshes is not None or tip is not None):
-        raise click.UsageError(f"{rigid}: expected no --meshes and no --tip: ARM is a single body")
-    if not rigid and scale != 1.0:
-        raise click.UsageError("--scale: expected --as-tool or --as-body: the meshes of an arm are in metres")
+    rigid = _rigid_option(as_tool, as_body)
+    _check_combination(rigid, meshes is not None or tip is not None, scale)
     if measure is not None and (rigid or picture is not None):
         raise click.UsageError(f"--measure: expected no {rigid or '--picture'}")
     check_writable("--out", out)
@@ -134,12 +129,7 @@ def decompose(
         click.echo(f"{arm}: {chain_of(robot, tip)}", err=True)
     if robot.held:
         click.echo(f"{arm}: held at zero: {', '.join(robot.held)}", err=True)
-    for link, (beyond, apart) in too_large(robot, surfaces).items():
-        click.echo(
-            f"warning: {link}: its mesh extends {beyond * 1e3:.0f} mm beyond a joint, on a link whose joints "
-            f"are {apart * 1e3:.0f} mm apart; is its scale or its origin right?",
-            err=True,
-        )
+    _warn_of_scale(too_large(robot, surfaces))
     if measure is not None:
         _write(measured_again(robot, surfaces, measure), out)
         return
@@ -170,6 +160,42 @@ def decompose(
             _draw(robot, surfaces, best, picture)
         except OSError as error:
             raise click.ClickException(str(error)) from error
+
+
+def _rigid_option(as_tool: bool, as_body: bool) -> str:
+    """The option that makes ARM a single body; empty for an arm."""
+    if as_tool and as_body:
+        raise click.UsageError("--as-tool, --as-body: expected one of them, got both")
+    return "--as-tool" if as_tool else "--as-body" if as_body else ""
+
+
+def _check_combination(rigid: str, links_given: bool, scale: float) -> None:
+    """Options of an arm do not suit a single body, and conversely.
+
+    Args:
+        rigid: Option that makes ARM a single body; empty for an arm.
+        links_given: Whether --meshes or --tip is given.
+        scale: Metres per unit of the mesh.
+    """
+    if rigid and links_given:
+        raise click.UsageError(f"{rigid}: expected no --meshes and no --tip: ARM is a single body")
+    if not rigid and scale != 1.0:
+        raise click.UsageError("--scale: expected --as-tool or --as-body: the meshes of an arm are in metres")
+
+
+def _warn_of_scale(too_large: Mapping[str, tuple[float, float]]) -> None:
+    """Warn of meshes that are larger than their links.
+
+    Args:
+        too_large: By name of the link, how far the mesh extends beyond a joint, and how far the joints are
+            apart [m].
+    """
+    for link, (beyond, apart) in too_large.items():
+        click.echo(
+            f"warning: {link}: its mesh extends {beyond * 1e3:.0f} mm beyond a joint, on a link whose joints "
+            f"are {apart * 1e3:.0f} mm apart; is its scale or its origin right?",
+            err=True,
+        )
 
 
 def chain_of(robot: Robot, tip: str | None) -> str:

@@ -67,17 +67,7 @@ def line_value(line: Line, setup: Setup, scene: Scene) -> tuple[str, str]:
         return _inertia(link, setup)
     field = sensor_of(scene, line)
     if field is not None:
-        if line.endswith(".rpy"):
-            frame, given = Setup.of(scene).sensors[field], scene.link_sensors.get(field, scene.base_wrench)
-            if given is not None and np.array_equal(setup.sensors[field].rotation, frame.rotation):
-                return _vector(np.array(given.rpy), 4), ""  # of the angles that say the same, those stated
-            return _frame(setup.sensors[field], frame)
-        if line.endswith(".link"):
-            return scene.robot.link_names[setup.sensors[field].body], ""
-        sensor = setup.sensors[field]
-        if line.endswith(".bias"):
-            return _bias(sensor.bias, scene.link_sensors[field]), ""
-        return _sensor(line, sensor), unit_remark(*_sizes(sensor.order)) if line.endswith(SCALE) else ""
+        return _of_sensor(line, field, setup, scene)
     if line == TORQUE_SIGN:
         own = not (setup.gain < 0.0).any()
         sign = scene.joint_torque.sign if scene.joint_torque is not None else "by_actuator"
@@ -100,6 +90,21 @@ def line_value(line: Line, setup: Setup, scene: Scene) -> tuple[str, str]:
         stated = scene.joint_torque.signal if scene.joint_torque is not None else ""
         return meant_signal(scene) if reads_other_signal(setup, scene) else (stated, "")
     return setup.meaning, ""
+
+
+def _of_sensor(line: Line, field: str, setup: Setup, scene: Scene) -> tuple[str, str]:
+    """Value and remark of a line of the force/torque sensor `field`."""
+    sensor = setup.sensors[field]
+    if line.endswith(".rpy"):
+        frame, given = Setup.of(scene).sensors[field], scene.link_sensors.get(field, scene.base_wrench)
+        if given is not None and np.array_equal(sensor.rotation, frame.rotation):
+            return _vector(np.array(given.rpy), 4), ""  # of the angles that say the same, those stated
+        return _frame(sensor, frame)
+    if line.endswith(".link"):
+        return scene.robot.link_names[sensor.body], ""
+    if line.endswith(".bias"):
+        return _bias(sensor.bias, scene.link_sensors[field]), ""
+    return _sensor(line, sensor), unit_remark(*_sizes(sensor.order)) if line.endswith(SCALE) else ""
 
 
 def _sensor(line: Line, setup: SensorSetup) -> str:

@@ -140,6 +140,17 @@ def test_a_contact_that_may_slide_is_where_it_is_said_to_be(phase: int, rises: b
     assert 0.85 < np.mean(errors) / np.mean(stated) < 1.1
 
 
+@pytest.mark.parametrize("way", [0.018, 0.05])
+def test_one_that_has_slid_far_unnoticed_is_moved_or_uncertain(way: float) -> None:
+    """Along a tangent no farther than 3 cm, where a link is curved; the rest is uncertain."""
+    places = -way * AGES[:, None] / AGES[WINDOW] * np.array([0.6, 0.8])
+    for phase in (HOLD, SLIDING):
+        shift, covariance = extrapolated(places, 1e-4 / np.sqrt(LENGTHS), phase, ages=5.0 * AGES)
+        moved = min(way, 0.03)
+        np.testing.assert_allclose(shift[:2], moved * np.array([0.6, 0.8]), rtol=0.02)
+        assert np.trace(covariance) == pytest.approx((way - moved) ** 2, abs=1e-6)
+
+
 def test_what_slides_drags_the_link_along() -> None:
     """The tangential force points the way of a contact that slides, as far as the normal is known; one that
     holds its place has it in any direction. The errors have the stated variance, and are smaller than without
@@ -153,7 +164,7 @@ def test_what_slides_drags_the_link_along() -> None:
         slides = chance.random() < 0.5
         velocity = way * abs(chance.normal(0.0, 0.03 * np.sqrt(2.0))) * slides
         places = means_over_windows(chance, FORCES, velocity)
-        x, y = 0.35 * way + chance.normal(0.0, 0.15, 2)
+        x, y = 0.5 * way + chance.normal(0.0, 0.15, 2)
         shift, covariance = extrapolated(places, noise, tangential=(x, y))
         alone, _ = extrapolated(places, noise)
         errors.append(((places[WINDOW] + shift[:2]) ** 2).sum())
