@@ -86,6 +86,8 @@ def localize(
             _extrapolate_sliding(constants, state, rows[0])
             if window > 0:
                 _update_to_newest(constants, state, window, rows[:listed])
+        elif track.status[0].magnitude != 1.0:
+            _scale_forces(state, track.status[0].magnitude, rows[:listed])
         _store_last_contact(constants, state, rows[0])
     store_first(listed, rows, state.hypotheses, constants.surfaces.start, answer)
     answer.integers[PHASE], answer.integers[NUMBER] = track.status[0].phase, track.status[0].number
@@ -115,6 +117,23 @@ def _store_last_contact(constants: Constants, state: State, row: np.ndarray) -> 
     normal = rotate_back(R, vector(view(row, FIRST_NORMAL, (3,))))
     for i in range(3):
         track.last_normal[i] = normal[i]
+
+
+@inlined_kernel
+def _scale_forces(state: State, magnitude: float, rows: np.ndarray) -> None:
+    """Scale force and torsion of the candidates, and the wrench for the link of the first one, from the mean
+    of the window to the present magnitude; point and link remain those of the mean."""
+    for k in range(rows.shape[0]):
+        row = rows[k]
+        for i in range(3):
+            row[FIRST_FORCE + i] *= magnitude
+        row[TORSION] *= magnitude
+    link = int(rows[0, LINK])
+    wrench, covariance = state.hypotheses.wrench[link], state.hypotheses.covariance[link]
+    for i in range(6):
+        wrench[i] *= magnitude
+        for j in range(6):
+            covariance[i, j] *= magnitude * magnitude
 
 
 @inlined_kernel

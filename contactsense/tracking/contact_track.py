@@ -27,6 +27,9 @@ class ContactStatus:
     """Time since it last moved [s]."""
     window: int
     """Index of the window in use."""
+    magnitude: float
+    """Present magnitude of the force over that in the window in use; 1 with a base sensor, which measures the
+    present force."""
     sensors: int
     """Code of the sensors whose residuals are in the windows."""
     above_onset: bool

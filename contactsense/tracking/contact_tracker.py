@@ -21,12 +21,12 @@ import numpy as np
 
 from contactsense.kinematics.model import Motion
 from contactsense.kinematics.spatial import Six, dot6
-from contactsense.residuals.observers import first_torque
 from contactsense.residuals.wrench_velocity_error import noise_share_in_average
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.vectors import Vector, cross, rotate, tangents, vector
 from contactsense.tracking.contact_track import HOLD, NEW, NONE, SLIDE, WINDOWS, ContactTrack, Window
+from contactsense.tracking.torque_windows import present_magnitude, torque_difference
 from contactsense.tracking.window_averages import WINDOW_GROWTH
 
 AGREE, AGREE_HOLDING, DISAGREE = 1.5, 4.0, 9.0
@@ -72,30 +72,36 @@ def choose_window(
         track: Changed in place: the chosen window, and windows that are restarted.
         motion: Poses.
         has_base: Whether the base sensor's residual can be used. Without it windows agree as long as the
-            torques do: while neither force nor arm changes.
+            directions of the torques do: while neither direction of the force nor posture changes.
         dt: Time since the last sample [s].
         bandwidth: Cut-off frequency of the observers [Hz].
     """
     status = track.status[0]
     # The newest residual alone does not show a sustained contact.
     status.window = 1 if status.sustained else 0
+    status.magnitude = 1.0
     if status.last_body < 0:
         return False
     status.window = 0
-    longest = 0
+    longest = longest_unchanged = 0
     slid = False
+    joints = torque_noise[0].shape[0]
     agreement = AGREE_HOLDING if status.phase == HOLD else AGREE
     if has_base:
         _window_positions(track)
         _moment_covariances(base_noise, motion, track, bandwidth)
     for i in range(1, WINDOWS):
-        max_distance = -1.0
+        max_distance, max_change = -1.0, -1.0
         for j in range(i):
             if has_base:
-                distance = _position_distance(track, i, j)
-            else:
-                distance = _torque_distance(torque_noise, track, i, j)
+                max_distance = max(max_distance, _position_distance(track, i, j))
+                continue
+            difference = torque_difference(torque_noise, track, i, j)
+            distance = _chi_square_distance(difference.direction, max(joints - 1, 1))
             max_distance = max(max_distance, distance)
+            max_change = max(max_change, _chi_square_distance(difference.whole, joints))
+        if max_change <= agreement and longest_unchanged == i - 1:
+            longest_unchanged = i
         if max_distance > DISAGREE:
             slid = slid or (has_base and not _is_ending(track))
             if i < SHORT_WINDOWS:
@@ -107,7 +113,12 @@ def choose_window(
             track.windows[i].samples = samples
         elif max_distance <= agreement and longest == i - 1:
             longest = i
-    status.window = _most_precise_window(track, longest) if has_base else longest
+    if has_base:
+        status.window = _most_precise_window(track, longest)
+    else:
+        status.window = longest
+        present = min(longest, longest_unchanged)
+        status.magnitude = present_magnitude(torque_noise[0], track, longest, present)
     return slid
 
 
@@ -223,17 +234,9 @@ def _position_distance(track: ContactTrack, i: int, j: int) -> float:
 
 
 @kernel
-def _torque_distance(torque_noise: tuple[np.ndarray, float], track: ContactTrack, i: int, j: int) -> float:
-    """Distance between the torques of two windows, in the unit of `AGREE`; `torque_noise`: as for
-    `choose_window`."""
-    variance, scale = torque_noise
-    n = variance.shape[0]
-    index = first_torque(n)
-    squared_distance = 0.0
-    for k in range(n):
-        d = track.mean[i, index + k] - track.mean[j, index + k]
-        squared_distance += d * d / (scale * variance[k] * track.windows[j].variance_ratio)
-    return float((squared_distance - n) / math.sqrt(2.0 * n))
+def _chi_square_distance(squares: float, freedom: int) -> float:
+    """In the unit of `AGREE`, of a sum of squares that is a chi-square variable if windows agree."""
+    return float((squares - freedom) / math.sqrt(2.0 * freedom))
 
 
 @kernel

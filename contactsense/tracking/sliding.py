@@ -43,6 +43,9 @@ _NORMAL_ERROR = 0.15
 _MAX_SHIFT = 0.03
 """Largest shift of a point [m]: along a tangent, farther ones leave a curved link. The rest adds to the
 covariance."""
+_JUMP, _JUMP_SPEED = 0.01, 0.13
+"""A shift that is both farther than this [m] and faster than three standard deviations of the speed [m/s] is
+no slide, but another contact that a longer window still contains: nothing is shifted."""
 _MAX_LOG_ODDS = 50.0
 """Bound that keeps the exponential finite."""
 
@@ -87,6 +90,8 @@ def extrapolate_sliding(
     probability = slide.probability
     step = scale(probability, add(scale(slide.x, t1), scale(slide.y, t2)))
     distance = norm(step)
+    if distance > max(_JUMP, _JUMP_SPEED * track.windows[status.window].age):
+        distance = 0.0
     done = min(distance, _MAX_SHIFT)
     if done > 0.0:
         step = scale(done / distance, step)

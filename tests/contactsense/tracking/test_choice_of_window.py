@@ -11,7 +11,6 @@ from contactsense.robots.vectors import tangents
 from contactsense.tracking.contact_track import HOLD, NEW, NONE, SLIDE, WINDOWS, ContactTrack
 from contactsense.tracking.contact_tracker import (
     POSITION_TOLERANCE,
-    _torque_distance,
     _window_positions,
     choose_window,
     update_phase,
@@ -141,20 +140,24 @@ def test_without_a_base_sensor_the_torques_must_agree(change: float, scale: floa
     """A changed torque is no motion of the contact, nor a change if it is within the noise of the stream."""
     track = touched([FAR, -FAR] * 3)
     first = first_torque(6)
+    track.mean[:, first + 1] = 20.0
     track.mean[4:, first + 2] = change
     assert not choose(track, has_base=False, torque_scale=scale)
     assert track.status[0].window == used
 
 
-def test_the_distance_of_torques_is_that_of_a_chi_square_variable() -> None:
-    """(x - n) / sqrt(2 n), x being the sum of n squares, in units of the noise of the shorter window."""
-    track, first, scale = touched([0.0] * WINDOWS), first_torque(6), 1.7
-    variance = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
-    chance = np.random.default_rng(0)
-    track.mean[4, first : first + 6], track.mean[1, first : first + 6] = chance.standard_normal((2, 6))
-    d = track.mean[4, first : first + 6] - track.mean[1, first : first + 6]
-    x = np.sum(d**2 / (scale * variance * RATIOS[1]))
-    assert _torque_distance((variance, scale), track, 4, 1) == pytest.approx((x - 6.0) / np.sqrt(12.0))
+@pytest.mark.parametrize("newest", [0.5, 1.5])
+def test_without_a_base_sensor_the_magnitude_of_the_torques_may_change(newest: float) -> None:
+    """The force is that of the newest windows, which agree in it, place and link those of all."""
+    track, first = touched([0.0] * WINDOWS), first_torque(6)
+    torque = np.array([8.0, -20.0, 12.0, 0.0, 0.0, 0.0])
+    track.mean[:2, first : first + 6] = newest * torque
+    track.mean[2:, first : first + 6] = torque
+    assert not choose(track, has_base=False)
+    assert track.status[0].window == WINDOWS - 1
+    assert track.status[0].magnitude == pytest.approx(newest)
+    assert not choose(track)
+    assert track.status[0].magnitude == 1.0
 
 
 def test_a_contact_is_new_then_holds_slides_and_holds_again() -> None:

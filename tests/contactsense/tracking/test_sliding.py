@@ -151,6 +151,15 @@ def test_one_that_has_slid_far_unnoticed_is_moved_or_uncertain(way: float) -> No
         assert np.trace(covariance) == pytest.approx((way - moved) ** 2, abs=1e-6)
 
 
+@pytest.mark.parametrize(("away", "moved"), [(0.006, True), (0.04, False)])
+def test_a_jump_is_no_slide(away: float, moved: bool) -> None:
+    """Where the longer window still holds another contact: no finger slides by 4 cm in 14 ms."""
+    place = np.array([[0.0, 0.0], [away, 0.0], [away, 0.0], [away, 0.0]])
+    shift, covariance = extrapolated(place, 1e-4 / np.sqrt(LENGTHS), SLIDING, in_use=0)
+    assert bool(shift.any()) == moved
+    assert np.trace(covariance) < 1e-3**2
+
+
 def test_what_slides_drags_the_link_along() -> None:
     """The tangential force points the way of a contact that slides, as far as the normal is known; one that
     holds its place has it in any direction. The errors have the stated variance, and are smaller than without
