@@ -9,9 +9,7 @@ from pydantic import (
     ConfigDict,
     Field,
     InstanceOf,
-    NonNegativeFloat,
     PlainSerializer,
-    PositiveFloat,
     TypeAdapter,
     ValidationError,
     field_validator,
@@ -148,7 +146,7 @@ class Scene(FileModel):
     touchable: tuple[str, ...] | None = None
     """Names of the links on which contacts are searched; None: all. A touch on another link remains possible
     and is reported as "none of these". Give a link that cannot be touched the weight 0 in `link_prior`."""
-    link_prior: LinkPrior | dict[str, NonNegativeFloat] = "area"
+    link_prior: LinkPrior | dict[str, Annotated[float, Field(ge=0.0, le=1e9)]] = "area"
     """How probable a contact on each link is before any measurement. `area`: in proportion to its surface;
     `equal`: the same for each link; or weights of all touchable links by name, such as how often each is
     touched. A link of weight 0 cannot be touched. On a link, all places are equally probable. A tool counts
@@ -162,7 +160,7 @@ class Scene(FileModel):
     friction: Annotated[float, Field(gt=0.0, le=10.0)] = 0.5
     """Coefficient of friction between the arm and what touches it: contact forces are rarely inclined further
     from the normal."""
-    force: PositiveFloat = 20.0
+    force: Annotated[float, Field(ge=1e-3, le=5000.0)] = 20.0
     """Usual normal force of contacts [N]: a third and three times as much are common, a tenth and ten times
     are rare. It matters only if the sensors do not determine the magnitude of the force."""
     torsion: Annotated[float, Field(gt=0.0, le=1.0)] = 0.0025
@@ -178,15 +176,15 @@ class Scene(FileModel):
     """Standard deviation of the primitives' distance from the real surface [m], the same everywhere. None:
     that of each place in the arm's surface file; where it has none, 0.0005, with `coarse` 0.004. A
     number also keeps coarse primitives where they are."""
-    bandwidth: PositiveFloat = 10.0
+    bandwidth: Annotated[float, Field(ge=1e-3, le=1e4)] = 10.0
     """Cut-off frequency of the momentum observer [Hz]: lower is less noisy, higher is faster."""
-    bias_time: PositiveFloat | None = 10.0
+    bias_time: Annotated[float, Field(ge=0.1, le=1e9)] | None = 10.0
     """Averaging time of the sensors' biases in free motion [s]: they may drift that slowly. None: the scene's
     biases are constant."""
     picks_up: bool = False
     """Whether the arm picks up payloads: a steady load along gravity at the flange is then a payload, not a
     contact. Needs base sensor and joint torques."""
-    false_alarms_per_hour: PositiveFloat = 0.01
+    false_alarms_per_hour: Annotated[float, Field(gt=0.0, le=1e6)] = 0.01
     """False-alarm rate of a stream: how often noise alone may appear as a contact [1/h]."""
     clear: Annotated[float, Field(gt=0.5, lt=1.0)] = 0.95
     """A candidate less probable than this is reported as `ambiguous`."""
@@ -216,6 +214,13 @@ class Scene(FileModel):
         if isinstance(prior, dict) or prior in get_args(LinkPrior):
             return prior
         raise ValueError(f"expected area, equal or a weight of each link by name, got {prior!r}")
+
+    @field_validator("meshes", mode="before")
+    @classmethod
+    def _is_path(cls, path: Any) -> Any:
+        if path == "":  # which would be the folder itself
+            raise ValueError("expected a path, or null for none, got ''")
+        return path
 
     @field_validator("bodies", "link_wrenches", mode="before")
     @classmethod

@@ -40,6 +40,7 @@ def _relative(fields: Mapping[str, Any]) -> list[str]:
         name
         for name in _FIELDS
         if isinstance(value := fields.get(name), str)
+        and value  # an empty one is no path
         and not Path(value).is_absolute()
         and (name != "robot" or Path(value).suffix.lower() in (*URDF_SUFFIXES, ".yaml"))
     ]

@@ -12,7 +12,6 @@ from typing import Annotated, Any, Literal
 from pydantic import (
     AfterValidator,
     Field,
-    PositiveFloat,
     SerializerFunctionWrapHandler,
     model_serializer,
     model_validator,
@@ -22,7 +21,10 @@ from contactsense.robots.files.file_model import FileModel
 from contactsense.robots.units import within_one_turn
 
 Vector = tuple[float, float, float]
-Positive = tuple[PositiveFloat, PositiveFloat, PositiveFloat]
+LEAST_SIZE = 1e-9
+"""Smallest size of a primitive [m]: squares of tiny numbers are zero in floating point."""
+_Length = Annotated[float, Field(ge=LEAST_SIZE)]
+_Lengths = tuple[_Length, _Length, _Length]
 
 
 class _Shape(FileModel):
@@ -42,7 +44,7 @@ class Sphere(_Shape):
     kind: Literal["sphere"] = "sphere"
     center: Vector
     """Centre, link frame [m]."""
-    radius: PositiveFloat
+    radius: _Length
     """Radius [m]."""
 
 
@@ -54,12 +56,12 @@ class Capsule(_Shape):
     """One end of the core segment, link frame [m]."""
     b: Vector
     """Other end of the core segment, link frame [m]."""
-    radius: PositiveFloat
+    radius: _Length
     """Radius [m]."""
 
     @model_validator(mode="after")
     def _has_length(self) -> "Capsule":
-        if self.a == self.b:
+        if dist(self.a, self.b) < LEAST_SIZE:
             raise ValueError("a and b are the same point; use kind: sphere")
         return self
 
@@ -77,11 +79,11 @@ class Cylinder(_Shape):
     """Centre of one cap, link frame [m]."""
     b: Vector
     """Centre of the other cap, link frame [m]."""
-    radius_a: PositiveFloat
+    radius_a: _Length
     """Radius of the sharp cone at cap a [m]."""
-    radius_b: PositiveFloat
+    radius_b: _Length
     """Radius of the sharp cone at cap b [m]."""
-    rounding: PositiveFloat
+    rounding: _Length
     """Radius of the rims [m]; at most what fits into the cone."""
 
     def core(self) -> tuple[float, float, float]:
@@ -101,7 +103,7 @@ class Cylinder(_Shape):
 
     @model_validator(mode="after")
     def _fits(self) -> "Cylinder":
-        if self.a == self.b:
+        if dist(self.a, self.b) < LEAST_SIZE:
             raise ValueError("a and b are the same point: a cylinder needs a length")
         if min(self._shrunk()) < -1e-9:
             raise ValueError(
@@ -118,7 +120,7 @@ class Ellipsoid(_Shape):
     """Centre, link frame [m]."""
     rpy: Annotated[Vector, AfterValidator(within_one_turn)] = (0.0, 0.0, 0.0)
     """Orientation in the link frame: roll, pitch, yaw about fixed x, y, z [rad]."""
-    radii: Positive
+    radii: _Lengths
     """Semi-axes [m]."""
 
 
@@ -130,9 +132,9 @@ class Box(_Shape):
     """Centre, link frame [m]."""
     rpy: Annotated[Vector, AfterValidator(within_one_turn)] = (0.0, 0.0, 0.0)
     """Orientation in the link frame: roll, pitch, yaw about fixed x, y, z [rad]."""
-    half: Positive
+    half: _Lengths
     """Half edge lengths, rounding included [m]."""
-    rounding: PositiveFloat
+    rounding: _Length
     """Radius of edges and corners [m]; at most the smallest of `half`."""
 
     @model_validator(mode="after")

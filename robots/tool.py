@@ -3,7 +3,7 @@
 from typing import Annotated
 
 import numpy as np
-from pydantic import ConfigDict, Field, NonNegativeFloat, field_validator
+from pydantic import ConfigDict, Field, field_validator
 
 from contactsense.robots.files.file_model import FileModel
 from contactsense.robots.primitives import Primitive, Vector
@@ -12,7 +12,9 @@ from contactsense.robots.robot import Inertia
 from contactsense.robots.rotations import symmetric
 from contactsense.robots.surface.deviation_table import DeviationTable
 
-_Tensor = tuple[float, float, float, float, float, float]
+_Moment = Annotated[float, Field(ge=-1e9, le=1e9)]
+"""Component of an inertia [kg m^2]: even in kg mm^2, none is larger."""
+_Tensor = tuple[_Moment, _Moment, _Moment, _Moment, _Moment, _Moment]
 
 
 class Tool(FileModel):
@@ -23,7 +25,7 @@ class Tool(FileModel):
 
     name: Annotated[str, Field(min_length=1)] = "tool"
     """Name of the link in estimates."""
-    mass: NonNegativeFloat = 0.0
+    mass: Annotated[float, Field(ge=0.0, le=1e6)] = 0.0
     """Mass [kg]."""
     com: Vector = (0.0, 0.0, 0.0)
     """Centre of mass, flange frame [m]."""

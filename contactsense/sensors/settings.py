@@ -9,7 +9,6 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
-    NonNegativeFloat,
     PositiveFloat,
     field_validator,
 )
@@ -61,11 +60,23 @@ _MEANINGS: dict[JointTorqueSignal, Meaning] = {
     "target_moment": "motor",
 }
 
-Number = NonNegativeFloat | tuple[NonNegativeFloat, ...]
-"""One value for all joints, or one per joint."""
-Noise = Annotated[float, Field(gt=0.0, le=1e4)]
+LEAST_NOISE = 1e-9
+"""Smallest standard deviation of a sensor [N or Nm]: covariances with less are singular in double
+precision."""
+Noise = Annotated[float, Field(ge=LEAST_NOISE, le=1e4)]
 """Standard deviation of a sensor [N or Nm]: no sensor is noisier, and squares of huge numbers overflow."""
-Six = tuple[float, float, float, float, float, float]
+_OfJoint = Annotated[float, Field(ge=0.0, le=1e6)]
+"""What is known of a joint: even in mNm, no arm's is larger, and squares of huge numbers overflow."""
+Number = _OfJoint | tuple[_OfJoint, ...]
+"""One value for all joints, or one per joint."""
+_TorqueConstant = Annotated[float, Field(gt=0.0, le=1e4)]
+_Torque = Annotated[float, Field(ge=-1e6, le=1e6)]
+_Velocity = Annotated[float, Field(gt=0.0, le=100.0)]
+"""Of a joint [rad/s]: none is faster."""
+_Load = Annotated[float, Field(ge=-1e6, le=1e6)]
+"""Component of a reading [N or Nm]: no sensor of an arm measures more."""
+_Moment = Annotated[float, Field(ge=-1e9, le=1e9)]
+"""Component of an inertia [kg m^2]: even in kg mm^2, none is larger."""
 
 
 def _two_or_six(numbers: object) -> object:
@@ -102,7 +113,7 @@ class WrenchSensor(Part):
     sign: Literal["arm_on_sensor", "sensor_on_arm"] = "arm_on_sensor"
     """Which side's push is counted as positive: with `arm_on_sensor` a table-mounted arm at rest reads a
     force along -z."""
-    bias: Six = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    bias: tuple[_Load, _Load, _Load, _Load, _Load, _Load] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     """Reading of the sensor without load, in its own frame and sign: force, then moment [N, Nm]."""
     delay: Annotated[float, AfterValidator(in_seconds)] = 0.0
     """Delay of the readings relative to the joint positions of the same instant [s]. It is taken off live and
@@ -178,9 +189,9 @@ class Friction(Part):
     """Viscous friction [Nm s/rad]."""
     lubricant: Number = 0.0
     """Friction of the lubricant, which increases with the velocity and saturates [Nm]."""
-    velocity: PositiveFloat = 0.01
+    velocity: _Velocity = 0.01
     """Width of the smooth sign [rad/s]."""
-    lubricant_velocity: PositiveFloat = 0.2
+    lubricant_velocity: _Velocity = 0.2
     """Velocity at which the lubricant's friction saturates [rad/s]."""
     error: Number = 0.0
     """Relative standard deviation of friction from this formula between days, mainly due to oil
@@ -188,7 +199,7 @@ class Friction(Part):
     rest_error: Number = 0.0
     """Standard deviation of friction from this formula at rest and at reversals [Nm]: a joint at rest holds
     any torque up to Coulomb friction."""
-    rest_velocity: PositiveFloat = 0.02
+    rest_velocity: _Velocity = 0.02
     """Velocity below which `rest_error` applies [rad/s]."""
 
 
@@ -205,10 +216,10 @@ class JointTorqueSensor(Part):
     registers; needed for `external_torque`."""
     sign: Literal["by_actuator", "on_arm"] = "by_actuator"
     """Which torque is counted as positive: the actuator's, or that exerted by the environment on the arm."""
-    torque_constants: tuple[PositiveFloat, ...] | None = None
+    torque_constants: tuple[_TorqueConstant, ...] | None = None
     """Joint torque per motor current [Nm/A], one per joint; needed for currents if the robot's data have
     none."""
-    bias: float | tuple[float, ...] = 0.0
+    bias: _Torque | tuple[_Torque, ...] = 0.0
     """Reading without any torque, actuator's sign [Nm]."""
     noise: Noise | tuple[Noise, ...] = 1.0
     """Standard deviation of one sample, one value for all joints or one per joint [Nm]."""
@@ -225,7 +236,7 @@ class JointTorqueSensor(Part):
     noise is not white."""
     friction: Friction = Friction()
     """Friction of the drives, unless the signal is free of it."""
-    rotor_inertia: tuple[NonNegativeFloat, ...] | None = None
+    rotor_inertia: tuple[_OfJoint, ...] | None = None
     """Inertia of the rotors reflected to the joints [kg m^2], one per joint; by default, the robot's data."""
 
     @field_validator("fields")
@@ -245,11 +256,11 @@ class JointTorqueSensor(Part):
 class LinkInertia(Part):
     """Mass distribution of one link, if the robot's data are not accurate enough."""
 
-    mass: NonNegativeFloat
+    mass: Annotated[float, Field(ge=0.0, le=1e6)]
     """Mass [kg]."""
     com: Vector
     """Centre of mass, link frame [m]."""
-    tensor: Six
+    tensor: tuple[_Moment, _Moment, _Moment, _Moment, _Moment, _Moment]
     """Inertia about the centre of mass, link axes, as ixx, ixy, ixz, iyy, iyz, izz [kg m^2]."""
 
     @property

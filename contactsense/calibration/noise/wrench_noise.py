@@ -15,6 +15,7 @@ from contactsense.calibration.fit.robust_least_squares import MAD_SCALE
 from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.residuals.link_residuals import link_velocity_variance
 from contactsense.calibration.residuals.recording_residuals import velocity_covariance
+from contactsense.sensors.settings import LEAST_NOISE
 
 _ORDER, _GAIN = 4, 70.0
 """Order of the differences that remove the motion from readings, and the variance of white noise in them."""
@@ -71,5 +72,5 @@ def wrench_noise(parts: Sequence[WrenchResiduals], variance_ratio: float) -> tup
     )
     differences = np.vstack([np.diff(part.readings, _ORDER, axis=0) for part in parts])
     white = (MAD_SCALE * np.median(np.abs(differences), axis=0)) ** 2 / _GAIN
-    noise = np.sqrt(np.maximum(beyond, white))
+    noise = np.maximum(np.sqrt(np.maximum(beyond, white)), LEAST_NOISE)
     return float(np.max(noise[:3])), float(np.max(noise[3:]))

@@ -12,6 +12,7 @@ from contactsense.calibration.noise.wrench_noise import WrenchResiduals, wrench_
 from contactsense.calibration.residuals.equations import all_residuals
 from contactsense.calibration.residuals.recording_residuals import settled_samples
 from contactsense.residuals.momentum_observer import noise_variance_ratio
+from contactsense.sensors.settings import LEAST_NOISE
 from tests.contactsense.calibration.test_link_sensors import TRUTH, motion
 
 RATE = 250.0
@@ -54,3 +55,8 @@ def test_an_error_of_the_model_counts(recording: FreeMotion) -> None:
     slow = np.sin(0.5 * np.arange(len(exact.residual)) / RATE)[:, None]
     force, _ = wrench_noise([exact._replace(residual=exact.residual + 2.0 * slow)], RATIO)
     assert force == pytest.approx(np.sqrt(2.0 / RATIO), rel=0.2)
+
+
+def test_readings_without_noise_have_the_least_noise_that_a_scene_may_state() -> None:
+    silent = np.zeros((100, 6))
+    assert wrench_noise([WrenchResiduals(silent, silent, silent)], RATIO) == (LEAST_NOISE, LEAST_NOISE)
