@@ -48,13 +48,15 @@ class Supervised:
             well = asyncio.get_running_loop().call_later(10.0 * PAUSE, self._is_well)
             try:
                 await self._body()
-                self.error = "it ended"
+                found = "it ended"
             except Exception as error:
-                self.error = f"{type(error).__name__}: {error}"
+                found = f"{type(error).__name__}: {error}"
             finally:
                 well.cancel()
             self.failures += 1
-            log.error("%s: %s; it is being restarted", self.name, self.error)
+            if found != self.error:  # the same would be logged twice a second
+                log.error("%s: %s; it is being restarted", self.name, found)
+            self.error = found
             await asyncio.sleep(PAUSE)
 
     def _is_well(self) -> None:

@@ -39,3 +39,38 @@ def test_a_task_that_ends_is_told_of_and_started_again(how: str, monkeypatch: py
         assert lives == 3  # stopped for good
 
     asyncio.run(scenario())
+
+
+def test_an_error_that_comes_again_is_logged_once(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """It remains the task's error. Another one is logged, and so is the same after the task has been well."""
+    monkeypatch.setattr(supervision, "PAUSE", 0.001)
+    found = iter(["a", "a", "a", "b", "b", "well", "b"])
+    errors = []
+
+    async def body() -> None:
+        errors.append(task.error)
+        what = next(found, "")
+        if not what:
+            await asyncio.sleep(60.0)
+        if what == "well":
+            async with asyncio.timeout(10.0):
+                while task.error:
+                    await asyncio.sleep(0.001)
+            what = next(found)
+        raise OSError(what)
+
+    task = Supervised("the watch", body)
+
+    async def scenario() -> None:
+        task.start()
+        async with asyncio.timeout(10.0):
+            while len(errors) < 7:
+                await asyncio.sleep(0.001)
+        await task.stop()
+
+    asyncio.run(scenario())
+    assert errors == ["", *(f"OSError: {what}" for what in "aaabbb")]
+    told = [f"the watch: OSError: {what}; it is being restarted" for what in "abb"]
+    assert [record.getMessage() for record in caplog.records] == told
