@@ -16,7 +16,12 @@ from contactsense.scene import Scene
 from contactsense.sensors.link_values import column_of
 from contactsense.service.recordings.file_format import format_of
 from contactsense.service.recordings.problems import Problem, RecordingError
-from contactsense.service.recordings.ros.cut_bags import STORAGE, raw_messages, storage_files
+from contactsense.service.recordings.ros.cut_bags import (
+    STORAGE,
+    raw_messages,
+    readable_by_rosbags,
+    storage_files,
+)
 from contactsense.service.recordings.ros.joint_order import joint_order
 from contactsense.service.recordings.signals.column_mapping import ColumnMapping
 from contactsense.service.recordings.signals.reading_times import readings_at
@@ -110,6 +115,8 @@ class BagFile:
         store = get_typestore(Stores.ROS2_HUMBLE)
         if self._path.is_dir() and not (self._path / "metadata.yaml").exists():
             return self._rest(wanted, store, "metadata.yaml is missing")
+        if not readable_by_rosbags(self._path):
+            return self._rest(wanted, store)
         try:
             with AnyReader([self._path], default_typestore=store) as reader:
                 found = {c.topic: c.msgtype for c in reader.connections}
@@ -123,13 +130,14 @@ class BagFile:
         return messages, found
 
     def _rest(
-        self, wanted: tuple[str, ...], store: Any, problem: str
+        self, wanted: tuple[str, ...], store: Any, *problems: str
     ) -> tuple[dict[str, list[Any]], dict[str, str]]:
-        """The readable part of a truncated bag; `problem` says why it is truncated.
+        """The readable part of a bag that may be truncated; `problems` say why it is.
 
         Raises:
             RecordingError: No message can be read.
         """
+        told = list(problems)
         messages: dict[str, list[Any]] = {}
         found: dict[str, str] = {}
         for file in storage_files(self._path):
@@ -145,13 +153,15 @@ class BagFile:
                         else:
                             of_topic.append(message)
             except (OSError, ValueError, KeyError) as error:
-                problem = f"{problem}; {file.name}: {error}"
+                told.append(f"{file.name}: {error}")
             if damaged:
-                problem = f"{problem}; {file.name}: {damaged} of its messages cannot be read"
-        if not found:
+                told.append(f"{file.name}: {damaged} of its messages cannot be read")
+        problem = "; ".join(told)
+        if problem and not found:
             raise RecordingError(f"{self._path}: cannot read the recording: {problem}")
-        row = len(messages.get(wanted[0], []))
-        self.problems.append(Problem(row, row, "cut_short", f"the bag is incomplete: {problem}"))
+        if problem:
+            row = len(messages.get(wanted[0], []))
+            self.problems.append(Problem(row, row, "cut_short", f"the bag is incomplete: {problem}"))
         return messages, found
 
     def _joint_columns(self, messages: list[Any], mapping: ColumnMapping, arm: list[str]) -> Columns:

@@ -1,10 +1,11 @@
-"""Messages of truncated MCAP files and rosbag2 databases, such as those of a recorder that crashed: in file
-order, up to the point where the file ends or is damaged.
+"""Messages of MCAP files and rosbag2 databases that the package rosbags cannot read, such as those of a
+recorder that crashed: in file order, up to the point where the file ends or is damaged.
 
 In MCAP files, a truncated compressed chunk is lost, usually 1 MB. From an SQLite database, all messages are
 recovered that SQLite finds without the missing pages.
 """
 
+import re
 import sqlite3
 from collections.abc import Iterator
 from contextlib import closing
@@ -14,13 +15,27 @@ from contactsense.service.recordings.file_format import format_of
 
 STORAGE = (".mcap", ".db3")
 """File name extensions of files with messages."""
+_SPECIAL = re.compile("[#?%]")
+"""Characters that have a meaning in the address of an SQLite database."""
 
 
 def storage_files(path: Path) -> list[Path]:
-    """The files that hold the messages of a bag, sorted by name."""
+    """The files that hold the messages of a bag, in the order of the numbers in their names: a recorder that
+    splits a bag counts them, and the tenth comes after the second."""
     if not path.is_dir():
         return [path]
-    return sorted(file for file in path.iterdir() if format_of(file) in STORAGE)
+    return sorted((file for file in path.iterdir() if format_of(file) in STORAGE), key=_numbered)
+
+
+def _numbered(file: Path) -> list[tuple[str, int]]:
+    """The parts of a name before each number, and the numbers."""
+    return [(text, int(number or 0)) for text, number in re.findall(r"([^0-9]*)([0-9]*)", file.name)]
+
+
+def readable_by_rosbags(path: Path) -> bool:
+    """Whether the package rosbags opens the files of a bag: it takes the path of a database for an address,
+    in which some characters have a meaning."""
+    return not any(format_of(file) == ".db3" and _SPECIAL.search(str(file)) for file in storage_files(path))
 
 
 def raw_messages(path: Path) -> Iterator[tuple[str, str, bytes]]:

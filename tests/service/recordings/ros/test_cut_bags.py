@@ -14,7 +14,7 @@ from contactsense import Scene
 from contactsense.service.analysis.fleet.segments import find_recordings
 from contactsense.service.recordings import Recording, RecordingError, read
 from contactsense.service.recordings.export import export
-from contactsense.service.recordings.ros.cut_bags import raw_messages
+from contactsense.service.recordings.ros.cut_bags import raw_messages, storage_files
 
 pytest.importorskip("mcap_ros2")
 rosbag2 = pytest.importorskip("rosbags.rosbag2")
@@ -147,6 +147,24 @@ def test_the_name_of_a_folder_does_not_matter(tmp_path: Path, rosbag: Path, name
     _cut(bag / "bag.db3")
     _check_rest(read(bag, SCENE), 0.6)
     assert list(tmp_path.iterdir()) == [bag]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["50%25", "Zelle 1?", "bag #2", "Süd"])
+def test_a_whole_bag_is_not_said_to_be_incomplete_for_its_name(
+    tmp_path: Path, rosbag: Path, name: str
+) -> None:
+    found = read(copytree(rosbag, tmp_path / name), SCENE)
+    assert len(found) == N
+    assert not found.problems
+
+
+def test_the_files_of_a_bag_come_in_the_order_of_their_numbers(tmp_path: Path) -> None:
+    """Those of a bag that is cut short are read one after the other."""
+    names = ["2026-11-30_0.mcap", "2026-11-30_2.mcap", "2026-11-30_10.mcap"]
+    for name in [*names, "metadata.yaml"]:
+        (tmp_path / name).touch()
+    assert [file.name for file in storage_files(tmp_path)] == names
 
 
 def test_a_folder_without_metadata_is_read_whole_and_said_to_be_incomplete(
