@@ -9,8 +9,9 @@ PAUSE = 60.0
 """A reason that was absent for less has not ended, but comes and goes [s]."""
 _MOST = 4
 """Reasons in a line. Hundreds of actions may fail, each with a reason of its own."""
-_NUMBER = re.compile(r"(?<![\w/-])(?<!\w\[)[-+]?[0-9][0-9.]*(?:e[-+]?[0-9]+)?")
-"""A number that tells how much, such as an age; none within a name, such as `lamp-2` or `joint_torque[2]`."""
+_NUMBER = re.compile(r"(?<![\w/-])(?<!\w\[)[-+]?[0-9][0-9.]*(?:e[-+]?[0-9]+)?|[0-9]{8}T[0-9]{6}-[0-9]+")
+"""A number that tells how much, such as an age; none within a name, such as `lamp-2` or `joint_torque[2]`.
+Or time and number in the name of a recording's file: each attempt to write one has another name."""
 
 
 class StatusLog:

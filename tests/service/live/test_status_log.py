@@ -34,6 +34,17 @@ def test_numbers_are_no_news() -> None:
     assert not log.news("degraded", ["expected within 3 N, got 4.5 N"], 14.5)
 
 
+def test_the_next_file_of_a_recording_is_no_news() -> None:
+    """On a full disk there is one each second."""
+    log = StatusLog()
+    reason = "rec/service-20261130T08530{}-0000.arrows: cannot write: No space left on device"
+    assert [bool(log.news("degraded", [reason.format(i)], float(i))) for i in range(3)] == [
+        True,
+        False,
+        False,
+    ]
+
+
 def test_a_number_in_a_name_tells_one_from_the_other() -> None:
     log = StatusLog()
     for name in ("action lamp-{}", "action lamp{}", "joint_torque[{}]", "action /opt/{}/lamp"):
