@@ -19,7 +19,8 @@ class Slider:
         self.state = LoweredSlider(action, cast(RtdeInputs, self))
 
     def write(self, _: str, values: tuple[Any, ...]) -> bool:
-        """As `RtdeInputs.write`."""
+        """As `RtdeInputs.write`; without the mask the controller ignores the fraction."""
+        assert values[0] == 1
         self.values[SLIDER_READING] = values[1]
         return True
 
@@ -39,6 +40,7 @@ def test_without_restore_nothing_is_to_be_raised_once_the_level_has_ended() -> N
     slider = Slider(restore=None)
     slider.state.lower()
     slider.state.write()
+    slider.state.take_over(0.1)  # what the service has last heard
     assert slider.state.lowered == 0.1
     assert not slider.state.end()
     assert slider.state.lowered is None
