@@ -71,8 +71,6 @@ class LoweredSlider:
         Returns:
             What was done, for a person; empty if nothing was.
         """
-        if self._left is None:
-            return ""
         if active or estimate.status != "none":
             self._free_since = None
         elif self._free_since is None or estimate.t < self._free_since:
