@@ -190,13 +190,18 @@ def test_a_preparation_that_fails_ends_nothing(monkeypatch: pytest.MonkeyPatch) 
         def prepare(self, host: str) -> None:
             raise OSError(11, "Resource temporarily unavailable")
 
-    reported: list[tuple[bool, str]] = []
-    monkeypatch.setattr(executor, "_report", lambda _, ok, reason, *__: reported.append((ok, reason)))
+    reported: list[tuple[bool, str, str]] = []
+
+    def report(_: str, ok: bool, reason: str, took: float, task: str) -> None:
+        reported.append((ok, reason, task))
+
+    monkeypatch.setattr(executor, "_report", report)
     waiting: queue.Queue[dict[str, Any]] = queue.Queue()
     action = Fails(type="command", command=("true",), timeout=30.0)
     threading.Thread(target=executor._work, args=("a", action, HOST, waiting), daemon=True).start()
     waiting.put(TOLD)
     assert until(lambda: len(reported) == 2)
-    assert reported[0][0] is False
-    assert "Resource temporarily unavailable" in reported[0][1]
-    assert reported[1][0]
+    ok, why, about = reported[0]
+    assert (ok, about) == (False, "none")
+    assert "Resource temporarily unavailable" in why
+    assert reported[1] == (True, "exit status 0", "oldest")
