@@ -48,3 +48,12 @@ def test_without_a_force_every_direction_counts_alike() -> None:
     covariance = np.diag([1.0, 4.0, 7.0]).tolist()
     above_two_sigma = 0.5 * math.erfc(2.0 / math.sqrt(2.0))
     assert exceedance([0.0, 0.0, 0.0], covariance, 4.0) == pytest.approx(above_two_sigma)
+
+
+@pytest.mark.parametrize("newtons", [0.5, 50.0])
+def test_the_deviation_is_that_along_the_force_in_each_direction(newtons: float) -> None:
+    """Also of a small force, and along z: 3 N there, 1 N along the others."""
+    covariance = np.diag([1.0, 1.0, 9.0]).tolist()
+    for force, sigma in (([0.0, 0.0, newtons], 3.0), ([newtons, 0.0, 0.0], 1.0)):
+        above_one_sigma = 0.5 * math.erfc(1.0 / math.sqrt(2.0))
+        assert exceedance(force, covariance, newtons + sigma) == pytest.approx(above_one_sigma)

@@ -86,3 +86,12 @@ def test_nothing_is_raised_that_was_not_left_or_is_not_read(left: float | None, 
     assert slider.state.raise_left() == ""
     assert slider.state.lowered == left
     assert slider.values == ({SLIDER_READING: 0.1} if read else {})
+
+
+def test_without_restore_a_slider_that_another_process_has_left_stays() -> None:
+    slider = Slider(0.1, restore=None)
+    slider.state.take_over(0.1)
+    told = [slider.state.watch(estimate(t), False) for t in (0.0, 1.1)]
+    assert told == ["", "left at 10 % by an earlier process, and stays there: no restore is stated"]
+    assert slider.values[SLIDER_READING] == 0.1
+    assert slider.state.lowered is None
