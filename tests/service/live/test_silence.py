@@ -30,8 +30,16 @@ def test_a_process_in_an_endless_loop_is_silent():
     assert silence_after(TICKS, "R", 0.9) == (pytest.approx(2.0), 0.0)
 
 
-def test_a_process_that_gets_no_processor_is_not_to_blame():
-    assert silence_after(TICKS, "R", 0.05)[0] < 0.11
+@pytest.mark.parametrize(("share", "counts"), [(0.05, 0.0), (0.19, 0.0), (0.21, 2.0)])
+def test_a_process_that_gets_less_than_a_fifth_of_a_processor_is_not_to_blame(share, counts):
+    assert silence_after(TICKS, "R", share)[0] == pytest.approx(counts)
+
+
+def test_processor_time_is_counted_in_the_clock_ticks_of_the_system():
+    silence = Silence(0.0, clock_ticks=1000.0)
+    for t in TICKS:
+        silence.tick(t, ProcessState("R", 1000.0 * 0.1 * t))
+    assert silence.seconds == 0.0
 
 
 def test_a_stopped_process_and_a_zombie_are_known_as_such():
@@ -72,5 +80,13 @@ def test_the_state_of_a_real_process():
         process.kill()
         process.wait()
     assert process_state(process.pid).letter == ""
-    used = process_state(os.getpid()).cpu
-    assert until(lambda: sum(range(10_000)) and process_state(os.getpid()).cpu > used)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs Linux' /proc")
+def test_the_processor_time_of_a_real_process():
+    """That of the program and that of the system for it."""
+    before = os.times()
+    found = process_state(os.getpid()).cpu / os.sysconf("SC_CLK_TCK")
+    after = os.times()
+    rounding = 2.0 / os.sysconf("SC_CLK_TCK")
+    assert before.user + before.system - rounding <= found <= after.user + after.system + rounding

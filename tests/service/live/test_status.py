@@ -10,7 +10,9 @@ WELL = Facts("running", report_age=0.1, sample_age=0.01, estimate_age=0.01, conn
 
 
 def test_all_is_well():
-    assert assess(WELL) == ("ok", ("samples arrive and are estimated",))
+    told = ("ok", ("samples arrive and are estimated",))
+    assert assess(WELL) == told
+    assert assess(replace(WELL, report_age=0.99, sample_age=0.99, estimate_age=0.99)) == told
 
 
 @pytest.mark.parametrize(
@@ -18,8 +20,10 @@ def test_all_is_well():
     [
         ({"process": "none"}, "idle", "no robot is configured"),
         ({"process": "starting"}, "starting", "loading its kernels"),
+        ({"process": "starting", "loading": "3 of 5 are compiled"}, "starting", "3 of 5 are compiled"),
         ({"process": "starting", "end": "ended (exit code 3)"}, "failing", "exit code 3"),
         ({"process": "ended", "end": "ended (exit code 3)"}, "failing", "being restarted"),
+        ({"report_age": 1.01}, "failing", "has not reported for 1.0 s"),
         ({"report_age": 1.2}, "failing", "has not reported for 1.2 s"),
         ({"connected": False}, "waiting", "no data from the robot"),
         ({"connected": False, "trouble": ("robot at a: mute",)}, "waiting", "a: mute"),
@@ -44,4 +48,6 @@ def test_a_value_that_cannot_be_is_told_beside_other_trouble():
     trouble = replace(WELL, trouble=("5% of the packets were lost",))
     assert len(assess(replace(trouble, estimate="base_wrench is missing"))[1]) == 1
     reason = "q: expected positions in rad, got -90"
-    assert assess(replace(trouble, estimate=reason))[1][1].endswith(reason)
+    assert assess(replace(trouble, estimate=reason, doubt="wrong"))[1][1:] == (
+        f"the latest estimate is degraded: {reason}",
+    )
