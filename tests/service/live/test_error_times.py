@@ -1,6 +1,9 @@
 """The time of a sensor's latest error: when it was last the case, also after recovery."""
 
+from dataclasses import replace
+
 from contactsense.service.live.error_times import ErrorTimes
+from contactsense.service.sensors.clients.netft_client import WrenchHealth
 from contactsense.service.sensors.clients.robot_stream import StreamHealth
 
 
@@ -31,3 +34,15 @@ def test_each_sensor_has_its_own() -> None:
     assert times.time_of("robot", one) == "a"
     assert times.time_of("base_wrench", other) == "b"
     assert times.time_of("robot", one) == "a"
+
+
+def test_each_failure_of_a_force_torque_sensor_is_a_new_error() -> None:
+    """It connected again, or reported an error itself, perhaps both once more since the last time."""
+    clock = iter("abcd")
+    times = ErrorTimes(lambda: next(clock))
+    stream = WrenchHealth("streaming", "x", 0, 0, 0, 0, 0, 0, 0, 0, 0.0, None)
+    found = [times.time_of("base_wrench", stream)]
+    for field in ("reconnects", "device_errors", "device_errors"):
+        stream = replace(stream, **{field: getattr(stream, field) + 1})
+        found.append(times.time_of("base_wrench", stream))
+    assert found == ["a", "b", "c", "d"]
