@@ -42,7 +42,7 @@ def test_each_failure_of_a_force_torque_sensor_is_a_new_error() -> None:
     times = ErrorTimes(lambda: next(clock))
     stream = WrenchHealth("streaming", "x", 0, 0, 0, 0, 0, 0, 0, 0, 0.0, None)
     found = [times.time_of("base_wrench", stream)]
-    for field in ("reconnects", "device_errors", "device_errors"):
-        stream = replace(stream, **{field: getattr(stream, field) + 1})
+    for reconnects, device_errors in ((1, 0), (1, 1), (2, 2)):
+        stream = replace(stream, reconnects=reconnects, device_errors=device_errors)
         found.append(times.time_of("base_wrench", stream))
     assert found == ["a", "b", "c", "d"]
