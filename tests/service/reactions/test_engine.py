@@ -121,6 +121,22 @@ def test_of_several_contacts_the_largest_counts(order: int) -> None:
     assert run(engine(rule(links=["any"])), estimate(0.0, *pair, status="multiple"))
 
 
+def test_an_explanation_on_another_link_does_not_end_the_search() -> None:
+    other = contact("upper_arm", 60.0, 0.05)
+    machine = engine(rule())
+    (decision,) = machine.step(sample(0.0), estimate(0.0, other, contact(newtons=60.0, probability=0.95)))
+    assert decision.link == "forearm"
+    assert decision.probability == pytest.approx(0.95)
+
+
+def test_no_probability_is_above_one() -> None:
+    """Those of explanations that exclude each other add up to 1, but for rounding."""
+    pair = contact(newtons=60.0, probability=0.6), contact("upper_arm", 60.0, 0.6)
+    for found in (estimate(0.0, *pair), estimate(0.0, *pair[:1], other=0.6, unexplained=60.0)):
+        (decision,) = engine(rule(links=["any"])).step(sample(0.0), found)
+        assert decision.probability == 1.0
+
+
 def test_the_decision_says_what_it_is_about() -> None:
     other = contact("upper_arm", 70.0, 0.05)
     machine = engine(rule(links=["any"]))

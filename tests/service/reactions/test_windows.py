@@ -41,6 +41,16 @@ def test_an_active_level_keeps_its_hysteresis_in_a_window() -> None:
     assert found[-1][0] == 4 * STEP
 
 
+@pytest.mark.parametrize(
+    "first", [{"links": ["wrist_3"]}, {"links": ["forearm"], "point": [0.0, 0.0, 1.0]}], ids=["link", "place"]
+)
+def test_a_window_for_another_place_hides_no_later_one(first: dict[str, Any]) -> None:
+    machine = engine(rule(), expected=[{"name": "elsewhere", "force": 80.0, **first}, EXPECTED])
+    for name in ("elsewhere", "insert"):
+        assert machine.announce(name)
+    assert run(machine, estimate(0.5, HIGH)) == []
+
+
 def test_only_a_window_that_is_open_closes() -> None:
     windows = [{"name": name, "links": ["forearm"], "force": 60.0} for name in ("a", "b")]
     machine = engine(rule(), expected=windows)
