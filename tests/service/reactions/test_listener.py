@@ -290,6 +290,17 @@ def test_without_estimates_the_degraded_bit_is_set(unconnected: ReactionListener
     assert seen == [True, False, False, True, False]
 
 
+def test_the_state_is_reported_at_the_start_and_four_times_a_second(unconnected: ReactionListener) -> None:
+    """The service answers the first report with what it knows of the process before."""
+    (first,) = unconnected.take_reports()
+    assert first["started"]
+    told = []
+    for now in (100.0, 100.24, 100.26, 100.49, 100.52):
+        unconnected.tick(now)
+        told.append([report["started"] for report in unconnected.take_reports()])
+    assert told == [[False], [], [False], [], [False]]
+
+
 def test_windows_that_open_and_close_are_told_and_no_others(unconnected: ReactionListener) -> None:
     for kind, name in (
         ("announce", "insert"), ("announce", "remove"), ("withdraw", "remove"), ("withdraw", "insert"),

@@ -57,9 +57,10 @@ def test_a_connection_that_fails_is_told_once_and_is_in_order_again_once() -> No
     assert not made.connection("a", "", False)
     assert health.state == "idle"
     assert not made.connection("a", "refused", False)
-    assert not made.connection("a", "refused", False)
-    assert (health.state, health.error, health.failed) == ("failing", "refused", 1)
     assert event(made)["reason"] == "failed: refused"
+    assert not made.connection("a", "refused", False)
+    assert made.take() == []
+    assert (health.state, health.error, health.failed) == ("failing", "refused", 1)
     assert made.connection("a", "", False)
     assert (health.state, health.error) == ("failing", "")
     assert not made.connection("a", "", True)
