@@ -15,6 +15,7 @@ from contactsense.service.reactions.actions.dashboard import DashboardAction
 from contactsense.service.reactions.actions.http_request import request
 from contactsense.service.reactions.actions.polyscope_x import PolyscopeXAction
 from contactsense.service.reactions.actions.stop_program import StopProgramAction
+from contactsense.service.reactions.actions.time_limit import TimeLimit
 from tests.service.loopback import until
 from tests.service.reactions.peers import HOST, TOLD, dripping, line_server
 
@@ -145,3 +146,11 @@ def test_a_request_goes_through_the_proxy_of_the_environment(monkeypatch: pytest
 def test_an_address_with_other_letters_is_told() -> None:
     with pytest.raises(ActionError, match="ordinal not in range"):
         request(f"http://{HOST}:1/t\u00fcr", "POST", b"", {}, 60.0)
+
+
+def test_a_connection_that_is_not_open_yet_does_not_keep_another_from_being_ended() -> None:
+    ours, theirs = socket.socketpair()
+    with ours, theirs, TimeLimit(0.01, lambda: [None, ours]) as limit:
+        ours.settimeout(20.0)
+        assert ours.recv(1) == b""
+        assert limit.expired
