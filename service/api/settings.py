@@ -112,7 +112,7 @@ class Settings(BaseModel):
     robot_client: Literal["rtde", "ur_rtde"] = "rtde"
     """Client that reads the robot: the built-in one, which loses no samples, or ur_rtde in its own
     process."""
-    robot_rate: PositiveFloat = 500.0
+    robot_rate: Annotated[float, Field(ge=1.0, le=1000.0)] = 500.0
     """Robot samples per second [Hz]: 500 for e-Series, 125 for CB3."""
     ft_host: str | None = None
     """Address of the force/torque sensor under the base (Net F/T)."""

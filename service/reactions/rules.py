@@ -8,7 +8,6 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
-    PositiveFloat,
     ValidationError,
     field_validator,
     model_validator,
@@ -16,7 +15,7 @@ from pydantic import (
 
 from contactsense.robots.files.file_model import FileModel
 from contactsense.robots.files.yaml_fields import read_fields
-from contactsense.robots.units import in_metres
+from contactsense.robots.units import FURTHEST, in_metres
 from contactsense.scene import Scene, describe
 from contactsense.scene_model.reading_limits import LARGEST_FORCE
 from contactsense.service.reactions.actions import Action
@@ -116,11 +115,11 @@ class ExpectedContact(RulesModel):
     """Names of links or groups, `tool`, or `any`."""
     point: Annotated[Three, AfterValidator(in_metres)] | None = None
     """Expected point, base frame [m]; None: anywhere on the links."""
-    radius: PositiveFloat = 0.05
+    radius: Annotated[float, Field(gt=0.0, le=FURTHEST)] = 0.05
     """Largest distance from `point` [m]."""
     force: Force
     """Force to which the levels of all rules are raised [N]."""
-    timeout: PositiveFloat = 10.0
+    timeout: Annotated[float, Field(gt=0.0, le=3600.0)] = 10.0
     """The window closes after this time at the latest [s, robot's clock]."""
     value: Annotated[int, Field(ge=1, le=2**31 - 1)] | None = None
     """Value of `inputs.announce` that opens the window; None: only a request can open it."""
@@ -173,7 +172,7 @@ class ReactionRules(RulesModel):
 
     robot: RobotAddress = RobotAddress()
     """The controller to which actions are sent."""
-    moving_speed: PositiveFloat = 0.02
+    moving_speed: Annotated[float, Field(gt=0.0, le=10.0)] = 0.02
     """The arm moves when a joint is faster than this [rad/s]."""
     groups: dict[str, Annotated[tuple[str, ...], Field(min_length=1)]] = Field(default_factory=dict)
     """Name of a group -> its links and further groups."""

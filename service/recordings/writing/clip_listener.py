@@ -11,11 +11,11 @@ import time
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import pyarrow as pa
-from pydantic import BaseModel, ConfigDict, PositiveFloat
+from pydantic import BaseModel, ConfigDict, Field, PositiveFloat
 
 from contactsense.scene import Scene
 from contactsense.service.live.scheduling import deprioritize
@@ -32,6 +32,7 @@ _CHUNK = 250
 _MOST_WANTED = 1000
 """Clips that may be recorded at the same time."""
 _SLOW = "the disk is too slow: what waits for it would fill the memory"
+_Seconds = Annotated[float, Field(gt=0.0, le=86400.0)]
 
 
 class RecordingSettings(BaseModel):
@@ -41,11 +42,11 @@ class RecordingSettings(BaseModel):
 
     folder: Path | None = None
     """Folder for clips and recordings; without it the service writes none."""
-    minutes: PositiveFloat = 2.0
+    minutes: Annotated[float, Field(gt=0.0, le=1440.0)] = 2.0
     """Duration of the data kept in memory for clips [min]."""
-    before: PositiveFloat = 10.0
+    before: _Seconds = 10.0
     """Length of a clip before the requested time [s]."""
-    after: PositiveFloat = 5.0
+    after: _Seconds = 5.0
     """Length of a clip after the requested time [s]."""
     disk_megabytes: PositiveFloat = 2000.0
     """Maximum disk space of recordings and of clips, each; the oldest files are removed [MB]."""

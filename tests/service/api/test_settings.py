@@ -94,6 +94,12 @@ def test_a_misspelled_variable_is_told() -> None:
         ("FT_COUNTS", "5", "CONTACTSENSE_FT_COUNTS: expected two numbers.* 1000000,1000000, got '5'"),
         ("FT_COUNTS", "5,x", "expected two numbers.* got '5,x'"),
         ("FT_COUNTS", "5,-1", "expected two numbers.* got '5,-1'"),
+        ("ROBOT_RATE", "1e300", r"CONTACTSENSE_ROBOT_RATE: expected a number of at most 1000, got '1e300'"),
+        ("ROBOT_RATE", "0.01", "CONTACTSENSE_ROBOT_RATE: expected a number of at least 1, got '0.01'"),
+        *(
+            ("RECORDING", f'{{"{field}": 1e9}}', f"CONTACTSENSE_RECORDING.{field}: .* of at most {most}, got")
+            for field, most in (("minutes", 1440), ("before", 86400), ("after", 86400))
+        ),
         ("LINE_PORT", "x", "CONTACTSENSE_LINE_PORT: expected a whole number, got 'x'"),
         ("EVENTS", '{"path": ', "CONTACTSENSE_EVENTS: expected an object in JSON"),
         (

@@ -114,6 +114,15 @@ def test_a_group_with_the_name_of_a_link_is_told(tmp_path: Path) -> None:
             "expected: [{name: i, links: [any], point: [450, 0, 0], force: 80}]\ngroups:",
             "expected[0].point: expected x, y, z in m, none above 5, got [450.0, 0.0, 0.0]",
         ),
+        ("groups:", "moving_speed: 20\ngroups:", "moving_speed: expected a number of at most 10, got 20"),
+        *(
+            (
+                "groups:",
+                f"expected: [{{name: i, links: [any], {field}: {given}, force: 80}}]\ngroups:",
+                f"expected[0].{field}: expected a number of at most {most}, got {given}",
+            )
+            for field, given, most in (("radius", 50, 5), ("timeout", 5000, 3600))
+        ),
         ("force: 60", "force: 10", "collision.force: expected at least contact.force (15 N), got 10 N"),
         ("half_angle: 0.5", "half_angle: 30", "half_angle: expected a number of at most 3.14"),
         ("[0, 0, -1]", "[0, 0, 0]", "axis: expected a direction, got three zeros"),
