@@ -301,6 +301,19 @@ def test_the_state_is_reported_at_the_start_and_four_times_a_second(unconnected:
     assert told == [[False], [], [False], [], [False]]
 
 
+def test_a_sample_that_changes_nothing_writes_and_reports_nothing(
+    unconnected: ReactionListener, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """While a level is active, the registers show the force of each sample."""
+    written: list[float] = []
+    monkeypatch.setattr(unconnected._registers, "write", lambda t, *_: written.append(t))
+    for t, force in ((0.0, ()), (0.1, ()), (0.2, (contact(newtons=20.0),)), (0.3, (contact(newtons=20.0),))):
+        unconnected.take_reports()
+        unconnected.receive(sample(t), estimate(t, *force))
+        assert bool(unconnected.take_reports()) == (t == 0.2), t
+    assert written == [0.2, 0.3]
+
+
 def test_windows_that_open_and_close_are_told_and_no_others(unconnected: ReactionListener) -> None:
     for kind, name in (
         ("announce", "insert"), ("announce", "remove"), ("withdraw", "remove"), ("withdraw", "insert"),
