@@ -12,7 +12,7 @@ import numpy as np
 from contactsense.calibration.calibration_model import CalibrationModel
 from contactsense.calibration.contacts.contact_test import SuspectedContact, suspected_contacts
 from contactsense.calibration.contacts.trimmed_fit import trimmed_fit
-from contactsense.calibration.fit.gauss_newton import FittedModel, fit_model, row_stride
+from contactsense.calibration.fit.gauss_newton import FittedModel, fit_model
 from contactsense.calibration.fit.possible_bodies import possible_bodies
 from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.noise.noise_estimation import JointResiduals, NoiseLevels, estimate_noise
@@ -170,8 +170,7 @@ def _warnings(
     if scene.joint_torque is None or noise_levels is None:
         return tuple(kept)
     progress("meaning of the torque signal")
-    stride = row_stride(recordings, scene.bandwidth)
-    contradicted = setting_warnings(scene, compare_meanings(scene, recordings, scene.bandwidth, stride))
+    contradicted = setting_warnings(scene, compare_meanings(scene, recordings, scene.bandwidth))
     never_stopped = [
         f"{joint.name} never stopped or reversed: its uncertainty there is derived from Coulomb friction"
         for joint, rest in zip(scene.robot.joints, noise_levels.rest_error, strict=True)
@@ -190,7 +189,6 @@ def _fit_without_contacts(
     """Fit, leave out what looks like a contact, and fit again until nothing changes."""
     bandwidth = start.scene.bandwidth
     contacts: tuple[SuspectedContact, ...] = ()
-    stride = row_stride(recordings, bandwidth)
     given = recordings
     if settings.leave_out_contacts:
         recordings = _as_the_scene_sees_them(start, given)
@@ -199,7 +197,7 @@ def _fit_without_contacts(
         if not settings.leave_out_contacts:
             return fitted, recordings, ()
         progress("contacts")
-        quiet = trimmed_fit(fitted.arm, start, given, selected, fitted.free, stride)
+        quiet = trimmed_fit(fitted.arm, start, given, selected, fitted.free)
         found = [
             suspected_contacts(quiet.arm, recording, bandwidth, uncertainty)
             for recording, uncertainty in zip(recordings, quiet.uncertainty, strict=True)

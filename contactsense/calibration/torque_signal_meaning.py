@@ -21,7 +21,7 @@ Setting = tuple[Meaning, bool]
 
 
 def compare_meanings(
-    scene: Scene, recordings: list[FreeMotion], bandwidth: float, stride: int
+    scene: Scene, recordings: list[FreeMotion], bandwidth: float
 ) -> dict[Setting, np.ndarray]:
     """Residual of each joint under each meaning and sign of the torque signal, with friction fitted to each.
 
@@ -44,7 +44,7 @@ def compare_meanings(
                 if recording.torque is not None:
                     torque = -recording.torque if reversed_sign else recording.torque
                     rows += linearize(
-                        arm, replace(recording, torque=torque, reading=None), selected, bandwidth, stride
+                        arm, replace(recording, torque=torque, reading=None), selected, bandwidth
                     )
             result = fit_robust(
                 rows, prior, np.zeros(len(selected)), np.ones(len(selected), dtype=bool), joints

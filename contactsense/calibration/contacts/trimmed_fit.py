@@ -21,7 +21,7 @@ from contactsense.calibration.fit.sandwich_covariance import sandwich_covariance
 from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.parameters import NOT_NEGATIVE, Entry, apply_step, value
 from contactsense.calibration.residuals.equations import channels, linearize_all
-from contactsense.calibration.residuals.recording_residuals import settled_samples
+from contactsense.calibration.residuals.recording_residuals import samples_of_rows
 from contactsense.calibration.residuals.residual_jacobian import Rows
 
 QUIET = 0.6
@@ -49,7 +49,6 @@ def trimmed_fit(
     recordings: list[FreeMotion],
     selected: tuple[Entry, ...],
     free: np.ndarray,
-    stride: int,
 ) -> TrimmedFit:
     """The arm that explains the quietest part of the recordings; `arm` if that part does not determine the
     parameters.
@@ -60,11 +59,10 @@ def trimmed_fit(
         recordings: The motion, as it was given; samples that they leave out do not count.
         selected: The parameters.
         free: Which of them are estimated, shape (k,), bool.
-        stride: Number of samples per row.
     """
     bandwidth = start.scene.bandwidth
-    everything = [linearize_all(arm, recording, selected, bandwidth, stride) for recording in recordings]
-    usable = np.concatenate([part.usable[settled_samples(part, bandwidth) :: stride] for part in recordings])
+    everything = [linearize_all(arm, recording, selected, bandwidth) for recording in recordings]
+    usable = np.concatenate([part.usable[samples_of_rows(part, bandwidth)] for part in recordings])
     offset = np.array([value(arm, entry) - value(start, entry) for entry in selected])
     prior = np.array([entry.prior_std for entry in selected])
     count = channels(start.scene)
@@ -98,7 +96,7 @@ def trimmed_fit(
     uncertainty = []
     for part, recording in zip(everything, recordings, strict=True):
         samples = np.arange(len(recording.t))
-        of_rows = samples[settled_samples(recording, bandwidth) :: stride]
+        of_rows = samples[samples_of_rows(recording, bandwidth)]
         uncertainty.append(_uncertainty(part, covariance, samples, of_rows, count))
     return TrimmedFit(apply_step(arm, selected, fit.step), uncertainty)
 

@@ -26,8 +26,6 @@ _MIN_ITERATIONS, _MAX_ITERATIONS = 3, 12
 _CONVERGED = 0.1
 """Iterations continue until no parameter changes by more than this fraction of its standard deviation. Torque
 constants multiply the measurement, so they may need several."""
-_ROWS_PER_PERIOD = 10.0
-"""Rows kept per second and hertz of bandwidth; more are redundant."""
 _MIN_SIGNIFICANCE = 2.5
 """Load-dependent and lubricant friction and a tilt are used if they differ from zero by this many standard
 deviations."""
@@ -152,7 +150,6 @@ class _GaussNewton:
         self._start = np.array([value(start, entry) for entry in selected])
         self._prior = np.array([entry.prior_std for entry in selected])
         self._channels = channels(start.scene)
-        self._stride = row_stride(recordings, bandwidth)
 
     def solve(self, arm: CalibrationModel, choice: _Choice, drop_optional: bool) -> _Iteration:
         """One iteration.
@@ -198,7 +195,7 @@ class _GaussNewton:
         return [
             row
             for recording in self._stretches
-            for row in linearize_all(arm, recording, self._chosen, self._bandwidth, self._stride)
+            for row in linearize_all(arm, recording, self._chosen, self._bandwidth)
         ]
 
     def _values(self, arm: CalibrationModel) -> np.ndarray:
@@ -238,27 +235,18 @@ class _GaussNewton:
         return kept, {i: text for _, i, text in worst.values()}
 
 
-def row_stride(recordings: list[FreeMotion], bandwidth: float) -> int:
-    """Number of samples per row kept."""
-    rate = max(1.0 / float(np.median(np.diff(recording.t))) for recording in recordings)
-    return max(1, round(rate / (_ROWS_PER_PERIOD * bandwidth)))
-
-
 def _best_velocities(
     arm: CalibrationModel, recordings: list[FreeMotion], bandwidth: float
 ) -> CalibrationModel:
     """The arm with the velocities of the smooth sign functions for which friction explains most."""
     selected = entries(arm, ("bias", "coulomb", "viscous", "rotor", "load", "lubricant"))
     prior = np.array([entry.prior_std for entry in selected])
-    stride = row_stride(recordings, bandwidth)
     torque_only = [recording.with_readings({}) for recording in recordings if recording.torque is not None]
     free = np.ones(len(selected), dtype=bool)
 
     def cost(candidate: CalibrationModel) -> float:
         rows = [
-            row
-            for recording in torque_only
-            for row in linearize(candidate, recording, selected, bandwidth, stride)
+            row for recording in torque_only for row in linearize(candidate, recording, selected, bandwidth)
         ]
         return fit_robust(rows, prior, np.zeros(len(selected)), free, len(arm.gain)).cost
 

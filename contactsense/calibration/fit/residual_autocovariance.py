@@ -24,7 +24,7 @@ def autocovariances(
             found.append(np.zeros(1))
             continue
         shortest = min(len(residuals[i]) for i in indices)
-        lags = 1 + max(1, min(round(_LAG / rows[indices[0]].dt), shortest // 4))
+        lags = 1 + max(1, min(round(_LAG / min(rows[i].dt for i in indices)), shortest // 4))
         weighted = [residuals[i] * weights[i] for i in indices]
         total = sum((correlation([e[:, None]], [e[:, None]], lags) for e in weighted), np.zeros(lags))
         found.append(total / sum(rows[i].moving.sum() for i in indices))

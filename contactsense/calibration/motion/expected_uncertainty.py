@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from contactsense.calibration.calibration_model import CalibrationModel
-from contactsense.calibration.fit.gauss_newton import row_stride
 from contactsense.calibration.fit.identifiability import excited_directions
 from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.motion.fourier_trajectory import FourierTrajectory
@@ -55,11 +54,10 @@ def expected_uncertainty(
     arm = CalibrationModel.of(scene)
     selected = entries(arm, groups)
     recording = simulated_free_motion(scene, motion, rate)
-    stride = row_stride([recording], scene.bandwidth)
     size = np.array([entry.prior_std for entry in selected])
     information = np.zeros((len(selected), len(selected)))
     variance = _variance(scene, motion.center.size, rate)
-    for row in linearize_all(arm, recording, selected, scene.bandwidth, stride):
+    for row in linearize_all(arm, recording, selected, scene.bandwidth):
         # The observer's noise is an Ornstein-Uhlenbeck process: neighbouring rows are correlated.
         correlation = np.exp(-2.0 * np.pi * scene.bandwidth * row.dt)
         weight = row.moving * (1.0 - correlation) / (1.0 + correlation) / variance[row.channel]

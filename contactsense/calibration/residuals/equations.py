@@ -43,9 +43,9 @@ def all_residuals(arm: CalibrationModel, recording: FreeMotion, bandwidth: float
 
 
 def linearize_all(
-    arm: CalibrationModel, recording: FreeMotion, selected: tuple[Entry, ...], bandwidth: float, stride: int
+    arm: CalibrationModel, recording: FreeMotion, selected: tuple[Entry, ...], bandwidth: float
 ) -> list[Rows]:
     """Residuals and derivatives of all equations; arguments as for
     `contactsense.calibration.residuals.residual_jacobian.linearize`."""
-    rows = linearize(arm, recording, selected, bandwidth, stride)
-    return rows + link_rows(arm, recording, selected, bandwidth, stride)
+    rows = linearize(arm, recording, selected, bandwidth)
+    return rows + link_rows(arm, recording, selected, bandwidth)

@@ -17,7 +17,8 @@ from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.parameters import Entry
 from contactsense.calibration.residuals.recording_residuals import (
     residuals,
-    settled_samples,
+    sample_time,
+    samples_of_rows,
     velocity_covariance,
 )
 from contactsense.calibration.residuals.residual_jacobian import Rows, difference, inertial_columns
@@ -122,12 +123,12 @@ def link_readings(
 
 
 def link_rows(
-    arm: CalibrationModel, recording: FreeMotion, selected: tuple[Entry, ...], bandwidth: float, stride: int
+    arm: CalibrationModel, recording: FreeMotion, selected: tuple[Entry, ...], bandwidth: float
 ) -> list[Rows]:
     """Residuals and derivatives of the equations of all sensors within the arm; arguments as for
     `contactsense.calibration.residuals.residual_jacobian.linearize`."""
-    keep = slice(settled_samples(recording, bandwidth), None, stride)
-    dt = stride * float(np.median(np.diff(recording.t)))
+    keep = samples_of_rows(recording, bandwidth)
+    dt = keep.step * sample_time(recording)
     links = [(number, entry) for number, entry in enumerate(selected) if entry.group == "links"]
     smooth = with_smooth_velocities(recording)
     per_body = None

@@ -24,6 +24,8 @@ from contactsense.robots.jit.kernel import kernel
 
 GAP = 0.05
 """After a longer gap between two samples the observer restarts [s]."""
+_ROWS_PER_PERIOD = 10.0
+"""Rows kept per second and hertz of bandwidth; more are redundant."""
 _STANDSTILL = 0.5
 _STANDSTILL_PATH = 2e-3
 """A joint that has moved less than this [rad] within `_STANDSTILL` seconds is at rest."""
@@ -219,6 +221,20 @@ def velocity_covariance(arm: CalibrationModel, recording: FreeMotion, bandwidth:
 def settled_samples(recording: FreeMotion, bandwidth: float) -> int:
     """First sample at which the observer has settled after its start."""
     return int(np.searchsorted(recording.t, recording.t[0] + 5.0 / (2.0 * np.pi * bandwidth)))
+
+
+def samples_of_rows(recording: FreeMotion, bandwidth: float) -> slice:
+    """The samples whose residuals are the rows of a fit: filtered residuals change slowly, and samples in
+    between are redundant. Each recording has its own step: one that is slower has no samples to spare."""
+    # A whole number of hertz: half of a step is rounded the same way wherever the clock begins.
+    rate = round(1.0 / sample_time(recording))
+    stride = max(1, round(rate / (_ROWS_PER_PERIOD * bandwidth)))
+    return slice(settled_samples(recording, bandwidth), None, stride)
+
+
+def sample_time(recording: FreeMotion) -> float:
+    """Usual time between two samples [s]."""
+    return float(np.median(np.diff(recording.t)))
 
 
 def recently_moved(recording: FreeMotion) -> np.ndarray:

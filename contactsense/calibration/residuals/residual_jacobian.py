@@ -30,7 +30,8 @@ from contactsense.calibration.residuals.recording_residuals import (
     JointMotion,
     recently_moved,
     residuals,
-    settled_samples,
+    sample_time,
+    samples_of_rows,
     time_step,
 )
 from contactsense.calibration.residuals.smooth_velocities import with_smooth_velocities
@@ -88,7 +89,7 @@ class Rows:
 
 
 def linearize(
-    arm: CalibrationModel, recording: FreeMotion, selected: tuple[Entry, ...], bandwidth: float, stride: int
+    arm: CalibrationModel, recording: FreeMotion, selected: tuple[Entry, ...], bandwidth: float
 ) -> list[Rows]:
     """Residuals and derivatives of the equations of joints and base sensor over a recording.
 
@@ -97,7 +98,6 @@ def linearize(
         recording: Contact-free motion.
         selected: The parameters.
         bandwidth: Cut-off frequency of the observer [Hz].
-        stride: Number of samples per row kept: filtered residuals change slowly.
     """
     joints = recording.q.shape[1]
     residual = residuals(arm, recording, bandwidth)
@@ -105,7 +105,7 @@ def linearize(
     def residual_of(x: CalibrationModel, part: FreeMotion) -> np.ndarray:
         return residuals(x, part, bandwidth, about=arm)
 
-    keep = slice(settled_samples(recording, bandwidth), None, stride)
+    keep = samples_of_rows(recording, bandwidth)
     smooth, of_smooth = recording, residual
     if recording.reading is not None and any(entry.group in ("payload", "links") for entry in selected):
         smooth = with_smooth_velocities(recording)
@@ -136,7 +136,7 @@ def linearize(
         slopes += [(number, by_link[:, :, link, column], None) for number, (link, column) in links]
     moving = recently_moved(recording)[keep]
     usable = recording.usable[keep]
-    dt = stride * float(np.median(np.diff(recording.t)))
+    dt = keep.step * sample_time(recording)
     rows = []
     for channel in range(joints + 6):
         if (recording.torque if channel < joints else recording.reading) is None:

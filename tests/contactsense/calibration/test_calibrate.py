@@ -165,7 +165,7 @@ def test_a_wrong_sign_of_the_torque_signal_is_reported() -> None:
 def test_an_arm_at_rest_says_nothing_of_the_torque_signal() -> None:
     q = np.tile(CENTER, (500, 1))
     recording = FreeMotion(np.arange(500) * 0.01, q, 0.0 * q, torque=0.0 * q)
-    assert setting_warnings(SEARCHED, compare_meanings(SEARCHED, [recording], 10.0, 1)) == []
+    assert setting_warnings(SEARCHED, compare_meanings(SEARCHED, [recording], 10.0)) == []
 
 
 def test_unusable_recordings_are_refused() -> None:

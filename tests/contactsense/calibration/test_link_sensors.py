@@ -12,7 +12,7 @@ from contactsense.calibration.motion.fourier_trajectory import FourierTrajectory
 from contactsense.calibration.parameters import OF_LINK_SENSORS, apply_step, entries
 from contactsense.calibration.residuals.equations import all_residuals, channels, linearize_all
 from contactsense.calibration.residuals.link_residuals import link_residuals
-from contactsense.calibration.residuals.recording_residuals import residuals, settled_samples
+from contactsense.calibration.residuals.recording_residuals import residuals, samples_of_rows
 from contactsense.calibration.residuals.smooth_velocities import with_smooth_velocities
 from contactsense.robots.tool import Tool
 from contactsense.sensors.settings import Friction
@@ -106,10 +106,10 @@ def test_derivatives_are_those_of_the_residuals() -> None:
                 residuals(x, part, bandwidth, about=arm),
                 *(link_residuals(x, part, field, bandwidth, seen_by=arm) for field in FIELDS),
             ]
-        )[settled_samples(recording, bandwidth) :: 5]
+        )[samples_of_rows(recording, bandwidth)]
         for x, part in ((arm, recording), (arm, smooth), (moved, smooth))
     )
-    for old in linearize_all(arm, recording, selected, bandwidth, 5):
+    for old in linearize_all(arm, recording, selected, bandwidth):
         change = (after - before)[:, old.channel]
         predicted = old.slope @ step[old.columns]
         np.testing.assert_array_equal(old.residual, own[:, old.channel])

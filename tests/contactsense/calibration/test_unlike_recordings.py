@@ -13,7 +13,7 @@ from contactsense.robots.tool import Tool
 from contactsense.sensors.settings import Friction
 from tests.plain_arm import plain_ur5e
 
-pytestmark = pytest.mark.slow  # each fits three times
+pytestmark = pytest.mark.slow  # each fits several times
 
 FRICTION = Friction(
     coulomb=(8.0, 7.0, 4.0, 1.5, 1.2, 1.0), viscous=(10.0, 9.0, 5.0, 2.0, 1.5, 1.0), velocity=0.05
@@ -43,6 +43,11 @@ def _calibrated(*recordings: FreeMotion) -> Calibration:
     return calibrate(SEARCHED, list(recordings), Settings(groups, widths=False))
 
 
+def _std(found: Calibration) -> dict[str, float]:
+    """Standard deviations of what was estimated, by name."""
+    return {value.entry.name: value.std for value in found.values if not value.kept}
+
+
 def test_the_noise_of_a_sensor_is_that_at_its_own_rate() -> None:
     found = _calibrated(_recording(1, 500.0).with_readings({}), _recording(2, 100.0)).scene
     assert found.base_wrench is not None
@@ -57,3 +62,23 @@ def test_many_samples_of_one_sensor_leave_those_of_two_their_part() -> None:
     assert torque is not None
     np.testing.assert_allclose(torque.friction.coulomb, FRICTION.coulomb, atol=0.2)
     assert not found.contacts
+
+
+def test_a_slow_recording_keeps_its_samples_beside_a_fast_one() -> None:
+    """Only one in so many of the fast one's samples was used of both: more data made the base sensor's
+    parameters less certain."""
+    slow = _recording(2, 40.0)
+    alone, both = (
+        _std(_calibrated(*parts)) for parts in ([slow], [slow, _recording(1, 500.0).with_readings({})])
+    )
+    of_base = [name for name in alone if name.startswith(("wrench bias", "turn", "delay"))]
+    assert len(of_base) == 10
+    for name in of_base:
+        assert both[name] < 1.1 * alone[name], name
+
+
+def test_the_order_of_recordings_at_different_rates_does_not_matter() -> None:
+    fast, slow = _recording(1, 500.0), _recording(2, 50.0)
+    one, other = _std(_calibrated(fast, slow)), _std(_calibrated(slow, fast))
+    assert one.keys() == other.keys()
+    np.testing.assert_allclose(list(one.values()), list(other.values()), rtol=1e-6)

@@ -11,7 +11,6 @@ from contactsense.benchmarks.calibration.pushes import measure
 from contactsense.benchmarks.calibration.simulate import simulate
 from contactsense.calibration.calibration_model import CalibrationModel
 from contactsense.calibration.contacts.trimmed_fit import WINDOW, trimmed_fit
-from contactsense.calibration.fit.gauss_newton import row_stride
 from contactsense.calibration.motion.fourier_trajectory import FourierTrajectory
 from contactsense.calibration.parameters import NOT_NEGATIVE, entries, value
 from contactsense.calibration.residuals.equations import all_residuals
@@ -31,8 +30,8 @@ def test_friction_and_rotors_are_not_negative() -> None:
     recording = simulate(scene, motion, 2, RATE)
     arm = CalibrationModel.of(scene).with_values(velocity=0.02, lubricant_velocity=0.1)
     selected = entries(arm, ("bias", "coulomb", "viscous", "rotor", "lubricant"))
-    free, stride = np.ones(len(selected), dtype=bool), row_stride([recording], scene.bandwidth)
-    found = trimmed_fit(arm, arm, [recording], selected, free, stride).arm
+    free = np.ones(len(selected), dtype=bool)
+    found = trimmed_fit(arm, arm, [recording], selected, free).arm
     bounded = [value(found, entry) for entry in selected if entry.group in NOT_NEGATIVE]
     assert min(bounded) > -1e-12
     assert max(bounded) > 0.0
@@ -50,8 +49,7 @@ def test_what_the_model_leaves_beyond_the_truth_is_as_large_as_its_uncertainty()
     for seed in range(6):
         motion = FourierTrajectory.draw(np.random.default_rng(seed), CENTRE, np.full(6, 0.6), 5, 6.0)
         recording = simulate(scene, motion, seed + 50, RATE)
-        stride = row_stride([recording], scene.bandwidth)
-        found = trimmed_fit(truth, truth, [recording], selected, free, stride)
+        found = trimmed_fit(truth, truth, [recording], selected, free)
         left, of_truth = (all_residuals(x, recording, scene.bandwidth) for x in (found.arm, truth))
         mean = uniform_filter1d(left - of_truth, round(WINDOW * RATE), axis=0)
         settled = settled_samples(recording, scene.bandwidth)
@@ -72,6 +70,6 @@ def test_a_quiet_part_that_determines_nothing_leaves_the_fit_to_everything() -> 
     arm = CalibrationModel.of(scene)
     # The same parameters twice, with hardly any prior.
     selected = tuple(replace(x, prior_std=1e12) for x in 2 * entries(arm, ("bias", "viscous")))
-    found = trimmed_fit(arm, arm, [recording], selected, np.ones(len(selected), dtype=bool), 1)
+    found = trimmed_fit(arm, arm, [recording], selected, np.ones(len(selected), dtype=bool))
     assert found.arm is arm
     assert not found.uncertainty[0].any()

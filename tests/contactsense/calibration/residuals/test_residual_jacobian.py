@@ -11,7 +11,7 @@ from contactsense.calibration import FreeMotion
 from contactsense.calibration.calibration_model import CalibrationModel
 from contactsense.calibration.motion.fourier_trajectory import FourierTrajectory
 from contactsense.calibration.parameters import Group, apply_step, entries
-from contactsense.calibration.residuals.recording_residuals import residuals
+from contactsense.calibration.residuals.recording_residuals import residuals, samples_of_rows
 from contactsense.calibration.residuals.residual_jacobian import linearize
 from contactsense.calibration.residuals.smooth_velocities import with_smooth_velocities
 
@@ -37,7 +37,7 @@ def test_noise_of_a_signal_is_not_in_the_derivatives_by_its_parameters(
     noise = 30.0 * np.random.default_rng(0).standard_normal(measured.shape)
     noisy = replace(recording, **{signal: measured + noise})
     selected = entries(arm, (group,))
-    clean, disturbed = (linearize(arm, x, selected, BANDWIDTH, 1) for x in (recording, noisy))
+    clean, disturbed = (linearize(arm, x, selected, BANDWIDTH) for x in (recording, noisy))
     for one, other in zip(clean, disturbed, strict=True):
         concerned = (one.channel < 6) == joints
         assert (len(one.columns) > 0) == concerned
@@ -58,12 +58,14 @@ def test_readings_without_noise_change_with_the_delay_by_the_derivative() -> Non
     step = np.array([0.01])
     changed = apply_step(arm, list(selected), step)
     change = (residuals(changed, recording, BANDWIDTH) - residuals(arm, recording, BANDWIDTH)) / step
-    first = len(recording.t) - len(linearize(arm, recording, selected, BANDWIDTH, 1)[0].residual)
+    settled = np.zeros(len(recording.t), dtype=bool)
     # Behind the last samples there are no later readings.
-    settled = np.r_[125:1490, 1625:2890] - first
-    for row in linearize(arm, recording, selected, BANDWIDTH, 1):
+    settled[np.r_[125:1490, 1625:2890]] = True
+    kept = samples_of_rows(recording, BANDWIDTH)
+    settled, change = settled[kept], change[kept]
+    for row in linearize(arm, recording, selected, BANDWIDTH):
         if row.channel >= 6:
-            expected = change[first:, row.channel][settled]
+            expected = change[settled, row.channel]
             np.testing.assert_allclose(row.slope[settled, 0], expected, atol=0.1 * np.abs(expected).max())
             assert np.abs(row.slope).max() < 1.1 * np.abs(expected).max()
 
@@ -92,7 +94,17 @@ def test_a_small_step_changes_the_residuals_by_the_derivative(
         for x in (arm, apply_step(arm, list(selected), step))
     )
     change = after - before
-    for row in linearize(arm, recording, selected, BANDWIDTH, 1):
+    for row in linearize(arm, recording, selected, BANDWIDTH):
         expected = change[-len(row.residual) :, row.channel]
         np.testing.assert_allclose(row.slope @ step[row.columns], expected, atol=1e-3 * np.abs(change).max())
     assert np.abs(change).max() > 0.0
+
+
+def test_the_rows_of_a_fit_do_not_depend_on_where_the_clock_begins(
+    recorded: tuple[CalibrationModel, FreeMotion],
+) -> None:
+    """At 250 Hz a row is due after two and a half samples, which the rounding of large times decided."""
+    _, recording = recorded
+    at_250_hz = replace(recording, t=0.5 * recording.t)
+    of_epoch = replace(at_250_hz, t=at_250_hz.t + 1.7e9 + 0.1)
+    assert samples_of_rows(at_250_hz, BANDWIDTH).step == samples_of_rows(of_epoch, BANDWIDTH).step
