@@ -21,7 +21,7 @@ from contactsense.service.analysis.fleet.segment_problems import own_problems
 from contactsense.service.analysis.fleet.segments import Segment
 from contactsense.service.analysis.followed_rows import FollowedRows
 from contactsense.service.analysis.health import unusable_steps
-from contactsense.service.analysis.present_sensors import absent_sensors, without_sensors
+from contactsense.service.analysis.present_sensors import absent_sensors, silent_sensors, without_sensors
 from contactsense.service.analysis.residuals.friction_residuals import FrictionResiduals
 from contactsense.service.analysis.residuals.residual_statistics import ResidualStatistics
 from contactsense.service.recordings import RecordingError, RecordingFile
@@ -69,7 +69,7 @@ def run_segment(task: SegmentTask) -> dict[str, Any]:
     run = _run(task.scene, task.parts)
     try:
         file = RecordingFile(own.path, run.scene)
-        absent = absent_sensors(file, run.scene)
+        absent = absent_sensors(file, run.scene) | _silent(own.path, segment.key, task.scene, task.parts)
         if absent:
             run = _run(task.scene, task.parts, absent)
         result, table = _analyze(file, segment, run, absent)
@@ -102,6 +102,14 @@ def _run(scene: str, parts: str, absent: frozenset[str] = frozenset()) -> Analys
     return AnalysisRun(loaded, Localizer(loaded))
 
 
+@lru_cache(maxsize=4)
+def _silent(path: Path, key: str, scene: str, parts: str) -> frozenset[str]:
+    """Fields of the sensors without a single reading in a recording, for all of its segments; `key` depends
+    on its content, `parts` on that of the scene file."""
+    known = _run(scene, parts).scene
+    return silent_sensors(RecordingFile(path, known), known)
+
+
 def _begin(file: RecordingFile, segment: Segment, run: AnalysisRun) -> tuple[int, bool]:
     """Row at which reading starts: where nothing touches the arm, as what is learned of biases during a
     contact would be another contact after it. And whether there is such a row, or the recording begins there;
@@ -129,6 +137,7 @@ def _analyze(
         raise RecordingError(f"{file.name}: expected samples from row {segment.first} on, got none")
     found = statistics.summary()
     base, torque = run.biases
+    has_base, has_torque = (x is not None for x in (run.scene.base_wrench, run.scene.joint_torque))
     change = friction.fit()
     # A contact of which the beginning was not found is no reason to doubt the scene.
     complaints = list(run.complaints if is_known else run.localizer.refusals)
@@ -145,16 +154,21 @@ def _analyze(
         "usable": found.usable,
         "touched": found.touched,
         "degraded": found.degraded,
-        "base_ratio": found.base_ratio.tolist(),
-        "joint_ratio": found.joint_ratio.tolist(),
-        "base_bias": base.tolist() if "base_wrench" in file.sensors else [None] * len(base),
-        "joint_bias": torque.tolist() if "joint_torque" in file.sensors else [None] * len(torque),
+        "base_ratio": _known(found.base_ratio, has_base),
+        "joint_ratio": _known(found.joint_ratio, has_torque),
+        "base_bias": _known(base, has_base),
+        "joint_bias": _known(torque, has_torque),
         "joint_constant": without_nan(change.bias),
         **{name: without_nan(getattr(change, name)) for name in FRICTION},
     }
     table = contact_table(contacts)
     names = pa.array([segment.file.name] * table.num_rows, pa.string())
     return result, table.set_column(0, table.schema.field(0), names)
+
+
+def _known(values: np.ndarray, is_measured: bool) -> list[float | None]:
+    """Values for JSON and tables: None in place of those of a sensor that is not there."""
+    return values.tolist() if is_measured else [None] * len(values)
 
 
 def _usual_step(t: np.ndarray) -> float:

@@ -54,9 +54,10 @@ class RobotSummary:
     """Biases of the joint torques at the end of each segment [Nm]; None likewise."""
     joint_constant: list[list[float | None]] = field(default_factory=list)
     """The same over the whole segment, separated from friction; None if unknown."""
-    base_ratio: list[list[float]] = field(default_factory=list)
-    """Residuals of the base wrench without contact in each segment, in standard deviations."""
-    joint_ratio: list[list[float]] = field(default_factory=list)
+    base_ratio: list[list[float | None]] = field(default_factory=list)
+    """Residuals of the base wrench without contact in each segment, in standard deviations; None if its
+    recording lacks the sensor."""
+    joint_ratio: list[list[float | None]] = field(default_factory=list)
     """The same of the joint torques."""
     coulomb: list[list[float | None]] = field(default_factory=list)
     """Coulomb friction beyond the scene's in each segment [Nm], None if unknown."""
@@ -98,16 +99,13 @@ class RobotSummary:
 
     def worst_ratio(self) -> float | None:
         """Largest of the median residuals, in standard deviations; None if no sample was free of contact."""
-        # The ratio of a segment without a free sample is 0, which says nothing.
-        known, scene = np.array(self.free) > 0, self.scene
-        ratios = []
-        if scene.base_wrench is not None:
-            ratios.append(np.array(self.base_ratio)[known])
-        if scene.joint_torque is not None:
-            ratios.append(np.array(self.joint_ratio)[known])
-        if not known.any() or not ratios:
-            return None
-        return float(np.max(np.median(np.concatenate(ratios, axis=1), axis=0)))
+        medians = []
+        for rows in (self.base_ratio, self.joint_ratio):
+            # The ratio of a segment without a free sample is 0, which says nothing.
+            known = [row for row, free in zip(rows, self.free, strict=True) if free and None not in row]
+            if known:
+                medians.append(np.median(np.array(known, dtype=float), axis=0))
+        return float(np.max(np.concatenate(medians))) if medians else None
 
     def needs_calibration(self) -> bool | None:
         """Whether residuals without contact are larger than noise and model allow; None if unknown."""

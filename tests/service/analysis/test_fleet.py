@@ -274,6 +274,53 @@ def test_segments_without_a_usable_sample_do_not_lower_the_residual() -> None:
     assert robot.needs_calibration() is True
 
 
+@pytest.mark.slow
+def test_recordings_without_a_sensor_do_not_lower_its_residual(tmp_path: Path, scene: Path) -> None:
+    """A base sensor with more noise than stated, in the one recording of three that has it."""
+    base = [f"base_wrench_{i}" for i in range(6)]
+    here = tmp_path / "robot=a"
+    here.mkdir()
+    table = pa_parquet.read_table(write_motion(demo(), here / "0.parquet", last=1000))
+    lacking, noise = table.drop_columns(base), np.random.default_rng(0).standard_normal(len(table))
+    for column in base:
+        noisy = table[column].to_numpy() + noise
+        table = table.set_column(table.column_names.index(column), column, [noisy])
+    pa_parquet.write_table(table, here / "0.parquet")
+    found = []
+    for count in (1, 3):
+        for number in range(1, count):
+            pa_parquet.write_table(lacking, here / f"{number}.parquet")
+        arguments = [str(here), "--scene", str(scene), "--out", str(tmp_path / f"out{count}"), "--json"]
+        (robot,) = json.loads(CliRunner().invoke(analyze, arguments).stdout)["robots"]
+        assert robot["recordings"] == count
+        found.append(robot["residual_ratio"])
+    assert found[1] == found[0] > 1.3
+
+
+def test_a_sensor_without_a_single_reading_is_one_that_the_recording_lacks(
+    tmp_path: Path, scene: Path
+) -> None:
+    """As in the analysis of that recording alone; every estimate was degraded and nothing known of the
+    model."""
+    base = [f"base_wrench_{i}" for i in range(6)]
+    found = {}
+    for name in ("lacking", "silent"):
+        here = tmp_path / name / "robot=a"
+        here.mkdir(parents=True)
+        table = pa_parquet.read_table(write_motion(demo(), here / "one.parquet", last=2300)).drop_columns(
+            base
+        )
+        if name == "silent":
+            for column in base:
+                table = table.append_column(column, pa.array(np.full(len(table), np.nan)))
+        pa_parquet.write_table(table, here / "one.parquet")
+        arguments = [str(tmp_path / name), "--scene", str(scene), "--out", str(tmp_path / "out" / name)]
+        found[name] = json.loads(CliRunner().invoke(analyze, [*arguments, "--json"]).stdout)
+    assert found["silent"]["robots"] == found["lacking"]["robots"]
+    assert found["silent"]["robots"][0]["degraded"] < 0.1
+    assert found["silent"]["undetermined_forces"] == found["lacking"]["undetermined_forces"] != []
+
+
 def test_what_the_recorder_wrote_is_a_dataset(tmp_path: Path) -> None:
     table = pa_parquet.read_table(write_motion(demo(), tmp_path / "demo.parquet", last=2300))
     folder = tmp_path / "recordings"
