@@ -20,6 +20,7 @@ from contactsense.service.analysis.report import write_report
 from contactsense.service.analysis.summary.contact_summary import millimetres
 from contactsense.service.analysis.summary.force_limits import DISCLAIMER
 from contactsense.service.analysis.summary.undetermined_forces import doubted_forces
+from contactsense.service.cli.options.output_file import check_no_input
 from contactsense.service.recordings import (
     ColumnMapping,
     MappingError,
@@ -37,6 +38,8 @@ _WIDEST = 500
 """Width beyond which no table grows [characters]."""
 _MOSTLY = 0.5
 """If a larger share of the samples is degraded, no contacts mean nothing."""
+_TABLES = "contacts.parquet", "contacts.csv", "contacts.mcap", "estimates.parquet"
+"""Files in the folder of the results that have the format of recordings."""
 _COLUMNS = (
     "begin\ns", "link", "P", "force\nN", "duration\ns", "impulse\nN s", "place in link\nmm", "speed\nm/s",
 )  # fmt: skip
@@ -117,6 +120,9 @@ def analyze(
     except (SceneError, LimitsError, MappingError) as error:
         raise click.ClickException(str(error)) from None
     folders = _folders(files, out)
+    for folder in folders:
+        for name in _TABLES:
+            check_no_input("--out", folder / name, files)
     results: list[dict[str, Any]] = []
     skipped = 0
     unjudged: list[Path] = []

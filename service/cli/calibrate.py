@@ -23,7 +23,7 @@ from contactsense.robots.files.yaml_fields import read_fields
 from contactsense.scene import Scene, SceneError
 from contactsense.service.cli.calibration_doubts import doubts
 from contactsense.service.cli.calibration_page import Section, channels, page, reasons_against
-from contactsense.service.cli.options.output_file import check_writable
+from contactsense.service.cli.options.output_file import check_no_input, check_writable
 from contactsense.service.cli.options.recordings_once import each_once
 from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError
 from contactsense.service.recordings.free_motion import read_free_motion
@@ -83,6 +83,7 @@ def calibrate(
     if out is not None and in_place:
         raise click.UsageError("--out and --write: expected one of them, got both")
     check_writable("--out", out)
+    check_no_input("--out", out, recordings)
     if report is not None:
         _check_report(report)
     errors = Console(stderr=True, markup=False)

@@ -20,7 +20,7 @@ from contactsense.service.api.scene_file import load_scene
 from contactsense.service.api.settings import OptionsError, Settings, SettingsError
 from contactsense.service.cli.options.finite_range import FiniteRange
 from contactsense.service.cli.options.option_names import as_options, refusal
-from contactsense.service.cli.options.output_file import check_writable
+from contactsense.service.cli.options.output_file import check_no_input, check_writable
 from contactsense.service.cli.options.sensor_options import from_environment, sensor_options
 from contactsense.service.cli.record_by_service import record_by_service
 from contactsense.service.group_signals import ignored
@@ -193,9 +193,7 @@ def _state(live: LiveSource, recorder: Recorder) -> str:
 
 
 def _convert(origin: Path, out: Path, scene_path: Path | None, columns: str | None) -> None:
-    if out.exists() and origin.exists() and out.samefile(origin):
-        # The new file has only the columns that were read.
-        raise click.ClickException(f"--out: expected another file than that of --from, got {out}")
+    check_no_input("--out", out, [origin])  # the new file has only the columns that were read
     check_writable("--out", out)
     scene = scene_in(origin) if scene_path is None else Scene.load(scene_path)
     # What is written has the sensors' delays, too.

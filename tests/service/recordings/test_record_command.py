@@ -187,16 +187,6 @@ def test_a_recording_is_converted_and_its_problems_are_named(tmp_path: Path) -> 
     assert "carries no scene" in result.output
 
 
-def test_a_recording_is_not_overwritten_by_a_part_of_itself(tmp_path: Path) -> None:
-    path = tmp_path / "a.csv"
-    path.write_text("not to be lost")
-    (tmp_path / "b.csv").symlink_to(path)
-    result = CliRunner().invoke(record, ["--from", str(path), "--out", str(tmp_path / "b.csv")])
-    assert result.exit_code == 1
-    assert "--out: expected another file than that of --from" in result.output
-    assert path.read_text() == "not to be lost"
-
-
 FRAMES = """
 robot: ur5e
 tool: {mass: 1.0, primitives: [{kind: sphere, center: [0, 0, 0.1], radius: 0.05}]}
