@@ -12,7 +12,9 @@ from contactsense.sensors.stream_state import REPEATED, RESTARTED, SETTLING_PERI
 from contactsense.tracking.contact_track import NONE
 
 MAX_SAMPLES = 30_000
-"""A longer history keeps only every other sample, so that memory is bounded."""
+"""A longer history keeps one sample in two, in four and so on, so that memory is bounded."""
+_HEAD = 1.0
+"""All samples of the beginning are kept, with the forces of an impact [s]."""
 SENSED = ("base_wrench", "joint_torque")
 """Sensors whose samples a history knows to be usable, in the order of `ContactHistory.usable`."""
 _OF_SAMPLES = (
@@ -104,6 +106,7 @@ class ContactCollector:
         self._open: list[ContactHistory] = []
         self._pause: list[ContactHistory] = []
         self._count, self._number = 0, 0
+        self._stride = 1
 
     @property
     def open_since(self) -> int | None:
@@ -148,11 +151,25 @@ class ContactCollector:
 
     def _take(self, part: ContactHistory) -> None:
         """Add samples to the contact, and the pause before them."""
-        self._open += [*self._pause, part]
+        self._open += map(self._thinned, [*self._pause, part])
         self._pause = []
         if sum(len(part.row) for part in self._open) > MAX_SAMPLES:
-            joined = _join(self._open, False)
-            self._open = [_taken(joined, np.arange(0, len(joined.row), 2))]
+            self._stride *= 2
+            self._open = [self._thinned(_join(self._open, False))]
+
+    def _thinned(self, part: ContactHistory) -> ContactHistory:
+        """Samples of the contact, with one in each `_stride` rows: as many per second from its begin to its
+        end. Those of `_HEAD`, the last one, and those with the largest force after `_HEAD` and with the
+        largest energy are kept, too."""
+        if self._stride == 1:
+            return part
+        begin = self._open[0]
+        _, kept = np.unique((part.row - begin.row[0]) // self._stride, return_index=True)
+        late = part.t - begin.t[0] > _HEAD
+        strongest = [np.argmax(part.energy), len(part.row) - 1]
+        if late[part.sample].any():
+            strongest.append(part.sample[np.argmax(part.force * late[part.sample])])
+        return _taken(part, np.unique(np.concatenate((kept, np.flatnonzero(~late), strongest))))
 
     def _part(
         self, here: np.ndarray, rows: np.ndarray, block: SampleBlock, found: BlockEstimates
@@ -186,7 +203,7 @@ class ContactCollector:
         if self._open:
             self._count += 1
             yield _join(self._open, complete)
-        self._open, self._pause = [], []
+        self._open, self._pause, self._stride = [], [], 1
 
 
 def _join(parts: list[ContactHistory], complete: bool) -> ContactHistory:

@@ -139,13 +139,15 @@ class Summarizer:
             "complete": history.complete,
             "slides": bool(np.mean(history.phase == SLIDE) > 0.5),
             "energy": float(np.max(history.energy)),
-            "silent": float(t[-1] - t[0]) * self._silent_share(history),
+            "silent": self._silent_time(history),
         }
 
-    def _silent_share(self, history: ContactHistory) -> float:
-        """Share of the samples that lack one of the sensors of the scene."""
+    def _silent_time(self, history: ContactHistory) -> float:
+        """Time before samples that lack one of the sensors of the scene [s]; those of a long contact are not
+        equally far apart."""
         present = [self._scene.base_wrench is not None, self._scene.joint_torque is not None]
-        return float(np.mean(~history.usable[:, present].all(axis=1)))
+        lacking = ~history.usable[1:, present].all(axis=1)
+        return float(np.diff(history.t)[lacking].sum())
 
     def _unexplained(self, history: ContactHistory, frame: dict[str, Any]) -> ContactSummary:
         """Summary of a contact that is not a single push on a touchable link."""

@@ -9,12 +9,14 @@ import pytest
 from contactsense import Scene, WrenchSensor, forward_model
 from contactsense.robots.tool import Tool
 from contactsense.runtime.block_runner import MAX_BLOCK
+from contactsense.service.analysis import analysis
 from contactsense.service.analysis.analysis import AnalysisRun
 from contactsense.service.analysis.fleet import segments
 from contactsense.service.analysis.fleet.run import analyze_fleet
 from contactsense.service.analysis.followed_rows import FollowedRows
 from contactsense.service.analysis.present_sensors import without_sensors
-from contactsense.service.recordings import RecordingFile
+from contactsense.service.analysis.samples import contact_history
+from contactsense.service.recordings import RecordingFile, read
 from contactsense.service.recordings.export import write_columns
 
 RATE = 50.0
@@ -22,17 +24,21 @@ RATE = 50.0
 Q = np.array([0.3, -1.3, 1.6, -1.9, -1.57, 0.0])
 
 
-def _write(path: Path, seconds: float, *held: tuple[float, float]) -> Path:
-    """An arm at rest whose forearm somebody pushes with 20 N from one time to the other [s]."""
+def _write(path: Path, seconds: float, *held: tuple[float, float], impact: float = 20.0) -> Path:
+    """An arm at rest whose forearm somebody pushes with 20 N from one time to the other [s], with `impact`
+    [N] for the first 0.4 s."""
     scene, chance, t = Scene(robot="ur5e"), np.random.default_rng(0), np.arange(0.0, seconds, 1.0 / RATE)
     free, touched = (
         forward_model(scene, Q, "forearm", np.array([-0.2, 0.0, 0.06]), np.array([0.0, 0.0, -force]))
-        for force in (0.0, 20.0)
+        for force in (0.0, 1.0)
     )
-    on = np.any([(begin <= t) & (t < end) for begin, end in held], axis=0)[:, None]
+    force = np.zeros((len(t), 1))
+    for begin, end in held:
+        force[(begin <= t) & (t < end)] = 20.0
+        force[(begin <= t) & (t < begin + 0.4)] = impact
     columns = {"timestamp": t}
     for name, noise in (("base_wrench", np.repeat([0.25, 0.05], 3)), ("joint_torque", np.full(6, 0.3))):
-        values = np.where(on, getattr(touched, name), getattr(free, name))
+        values = getattr(free, name) + force * (getattr(touched, name) - getattr(free, name))
         values = values + noise * chance.standard_normal(values.shape)
         columns |= {f"{name}_{i}": values[:, i] for i in range(6)}
     columns |= {f"actual_q_{i}": np.full(len(t), Q[i]) for i in range(6)}
@@ -51,6 +57,31 @@ def test_reading_ends_with_the_contacts_of_the_part(tmp_path: Path) -> None:
     assert contact.row == pytest.approx(10.0 * RATE, abs=5)
     assert run.extent.samples <= MAX_BLOCK + 600 < 600.0 * RATE
     assert [problem.kind for problem in run.extent.problems] == ["missing_sensor"]
+
+
+def test_the_beginning_of_a_long_contact_is_not_forgotten(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each time that memory was full every other sample was dropped, also of those that had been thinned out
+    before: after minutes the impact was missing, and the last seconds counted as much as all before."""
+    monkeypatch.setattr(analysis, "MAX_BLOCK", 250)
+    path = _write(tmp_path / "a.parquet", 120.0, (10.0, 110.0), impact=80.0)
+    recording = read(path, Scene(robot="ur5e"))
+    assert recording.base_wrench is not None
+    recording.base_wrench[(recording.t >= 90.0) & (recording.t < 110.0)] = np.nan
+    found = []
+    for most in (30_000, 500):
+        monkeypatch.setattr(contact_history, "MAX_SAMPLES", most)
+        (contact,) = AnalysisRun(Scene(robot="ur5e"), smooth=False).contacts(recording)
+        found.append(contact)
+    whole, thinned = found
+    assert whole.transient_force == pytest.approx(80.0, abs=5.0)
+    assert whole.silent == pytest.approx(20.0, abs=0.2)
+    for name in ("row", "row_end", "begin", "duration", "peak_force", "transient_force", "energy"):
+        assert getattr(thinned, name) == getattr(whole, name), name
+    assert thinned.quasi_static_force == whole.quasi_static_force
+    assert thinned.silent == pytest.approx(whole.silent, rel=0.02)
+    assert thinned.impulse == pytest.approx(whole.impulse, rel=0.01)
 
 
 @pytest.mark.slow
