@@ -166,10 +166,10 @@ class ContactCollector:
         begin = self._open[0]
         _, kept = np.unique((part.row - begin.row[0]) // self._stride, return_index=True)
         late = part.t - begin.t[0] > _HEAD
-        strongest = [np.argmax(part.energy), len(part.row) - 1]
+        strongest = [int(np.argmax(part.energy)), len(part.row) - 1]
         if late[part.sample].any():
-            strongest.append(part.sample[np.argmax(part.force * late[part.sample])])
-        return _taken(part, np.unique(np.concatenate((kept, np.flatnonzero(~late), strongest))))
+            strongest.append(int(part.sample[np.argmax(part.force * late[part.sample])]))
+        return _taken(part, np.unique([*kept, *np.flatnonzero(~late), *strongest]))
 
     def _part(
         self, here: np.ndarray, rows: np.ndarray, block: SampleBlock, found: BlockEstimates
