@@ -29,12 +29,12 @@ from contactsense.calibration.parameters import (
 from contactsense.calibration.residuals.equations import all_residuals, measured_channels
 from contactsense.calibration.residuals.recording_residuals import (
     friction,
+    sample_time,
     settled_samples,
     timing_variance_and_inertia_torque,
 )
 from contactsense.calibration.result import Calibration, Value, residual_statistics, scene_of
 from contactsense.calibration.torque_signal_meaning import compare_meanings, setting_warnings
-from contactsense.residuals.momentum_observer import noise_variance_ratio
 from contactsense.scene import Scene
 from contactsense.sensors.settings import CURRENTS
 
@@ -322,11 +322,15 @@ def _noise(
             timing_variance, inertia_torque = timing_variance_and_inertia_torque(arm, s, bandwidth)
             residuals.append(
                 JointResiduals(
-                    r, s.qd[rows], friction(arm, s)[rows], timing_variance[rows], inertia_torque[rows]
+                    r,
+                    s.qd[rows],
+                    friction(arm, s)[rows],
+                    timing_variance[rows],
+                    inertia_torque[rows],
+                    sample_time(s),
                 )
             )
-        dt = _sample_time([s for s, _, _ in with_torque])
-        noise_levels = estimate_noise(residuals, dt, noise_variance_ratio(bandwidth, dt), bandwidth)
+        noise_levels = estimate_noise(residuals, bandwidth)
     wrenches = {}
     for number, field in enumerate(("base_wrench", *arm.scene.link_sensors)):
         first = joints + 6 * number
@@ -335,11 +339,5 @@ def _noise(
             wrench_residuals(arm, s, rows, r[:, first : first + 6], field, bandwidth) for s, rows, r in read
         ]
         if own:
-            dt = _sample_time([s for s, _, _ in read])
-            wrenches[field] = wrench_noise(own, noise_variance_ratio(bandwidth, dt))
+            wrenches[field] = wrench_noise(own)
     return noise_levels, wrenches
-
-
-def _sample_time(recordings: list[FreeMotion]) -> float:
-    """Usual sample time of the recordings of one sensor [s]; other sensors may have been read less often."""
-    return float(np.median(np.concatenate([np.diff(recording.t) for recording in recordings])))

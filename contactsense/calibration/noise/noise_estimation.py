@@ -20,6 +20,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.signal import lfilter
 
 from contactsense.calibration.fit.robust_least_squares import MAD_SCALE
+from contactsense.residuals.momentum_observer import noise_variance_ratio
 from contactsense.residuals.residual_ewma import RELATIVE_BANDWIDTH
 
 _AVERAGING_TIME = 0.5
@@ -54,6 +55,8 @@ class JointResiduals(NamedTuple):
     """Variance due to the instants of the samples [Nm^2]."""
     inertia_torque: np.ndarray
     """Inertia torques, low-passed as the residuals are [Nm]."""
+    dt: float
+    """Usual time between two samples [s]: at a lower rate more of the noise is in the residuals."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +94,7 @@ class _Samples(NamedTuple):
     residual: np.ndarray
     slow: np.ndarray
     """The slow part of the residual [Nm]."""
-    noise: float
+    noise: np.ndarray
     """Variance of the residual from noise [Nm^2]."""
     known: np.ndarray
     """The same with that due to the instants of the samples [Nm^2]."""
@@ -105,24 +108,21 @@ class _Samples(NamedTuple):
         return _Samples(
             self.residual[used],
             self.slow[used],
-            self.noise,
+            self.noise[used],
             self.known[used],
             self.inertia_torque[used],
             self.slow_inertia_torque[used],
         )
 
 
-def estimate_noise(
-    recordings: Sequence[JointResiduals], dt: float, variance_ratio: float, bandwidth: float
-) -> NoiseLevels:
+def estimate_noise(recordings: Sequence[JointResiduals], bandwidth: float) -> NoiseLevels:
     """Noise and model error of the joints, from one or more recordings.
 
     Args:
         recordings: Residuals of each recording.
-        dt: Sample time [s].
-        variance_ratio: Variance of the residual over that of white noise in one sample.
         bandwidth: Cut-off frequency of the residuals [Hz].
     """
+    steps = [part.dt for part in recordings]
     factors = [_factor(part.residual, part.friction) for part in recordings]
     error = _between_recordings(factors)
     residual = [
@@ -130,12 +130,20 @@ def estimate_noise(
     ]
     inertia_torque = [part.inertia_torque for part in recordings]
     speed = np.abs(np.vstack([part.qd for part in recordings]))
-    residuals, slow = np.vstack(residual), _slow(residual, dt)
-    noise = np.maximum(MAD_SCALE * np.median(np.abs(residuals - slow), axis=0), 1e-6) ** 2
+    residuals, slow = np.vstack(residual), _slow(residual, steps)
+    # Variance of a residual over that of white noise in one sample, which all recordings have in common.
+    gain = np.vstack(
+        [
+            np.full((len(part), 1), noise_variance_ratio(bandwidth, dt))
+            for part, dt in zip(residual, steps, strict=True)
+        ]
+    )
+    of_sample = np.maximum(MAD_SCALE * np.median(np.abs(residuals - slow) / np.sqrt(gain), axis=0), 1e-6)
+    noise = gain * of_sample**2
     known = noise + np.vstack([part.timing_variance for part in recordings])
-    square, slow_square = np.vstack(inertia_torque) ** 2, _slow(inertia_torque, dt) ** 2
+    square, slow_square = np.vstack(inertia_torque) ** 2, _slow(inertia_torque, steps) ** 2
     joints = [
-        _Samples(residuals[:, j], slow[:, j], float(noise[j]), known[:, j], square[:, j], slow_square[:, j])
+        _Samples(residuals[:, j], slow[:, j], noise[:, j], known[:, j], square[:, j], slow_square[:, j])
         for j in range(residuals.shape[1])
     ]
 
@@ -143,31 +151,36 @@ def estimate_noise(
         found = [_model_error(samples, speed[:, j], velocity) for j, samples in enumerate(joints)]
         model, inertia, rest = np.array(found).T
         unknown = np.ones(len(model))
-        return NoiseLevels(np.sqrt(noise / variance_ratio), error, model, inertia, rest, velocity, unknown)
+        return NoiseLevels(of_sample, error, model, inertia, rest, velocity, unknown)
 
     def cost(found: NoiseLevels) -> float:
         return _cost(residuals, known + found.model_variance(speed, square))
 
     best = min(map(levels, _REST_VELOCITIES), key=cost)
-    averages, ratio = _averages(residual, dt, bandwidth)
+    averages, ratio = _averages(residual, steps, bandwidth)
     model = best.model_variance(speed, square)
-    share = _share_in_average(averages, known + (ratio - 1.0) * noise, model, ratio)
+    share = _share_in_average(averages, known + (ratio - 1.0) * noise, model, float(ratio.max()))
     return replace(best, average_error=np.sqrt(share))
 
 
-def _averages(parts: list[np.ndarray], dt: float, bandwidth: float) -> tuple[np.ndarray, float]:
-    """EWMA of the residuals of all recordings, shape (N, n); and the variance of its noise over that of a
-    residual, which is an Ornstein-Uhlenbeck process."""
+def _averages(
+    parts: list[np.ndarray], steps: Sequence[float], bandwidth: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """EWMA of the residuals of all recordings, whose samples are so far apart [s], shape (N, n); and the
+    variance of its noise over that of a residual, which is an Ornstein-Uhlenbeck process, shape (N, 1)."""
     K = 2.0 * math.pi * bandwidth
-    weight, correlation = -math.expm1(-RELATIVE_BANDWIDTH * K * dt), math.exp(-K * dt)
-    keep = 1.0 - weight
-    # The start of a recording counts as if the first residual had lasted.
-    averages = [
-        lfilter([weight], [1.0, -keep], part, axis=0, zi=keep * part[:1])[0] for part in parts if len(part)
-    ]
-    covariance = weight / (1.0 - keep * correlation)
-    variance = (2.0 * weight * keep * correlation * covariance + weight**2) / (1.0 - keep**2)
-    return np.vstack(averages), variance
+    averages, ratios = [], []
+    for part, dt in zip(parts, steps, strict=True):
+        if not len(part):
+            continue
+        weight, correlation = -math.expm1(-RELATIVE_BANDWIDTH * K * dt), math.exp(-K * dt)
+        keep = 1.0 - weight
+        # The start of a recording counts as if the first residual had lasted.
+        averages.append(lfilter([weight], [1.0, -keep], part, axis=0, zi=keep * part[:1])[0])
+        covariance = weight / (1.0 - keep * correlation)
+        variance = (2.0 * weight * keep * correlation * covariance + weight**2) / (1.0 - keep**2)
+        ratios.append(np.full((len(part), 1), variance))
+    return np.vstack(averages), np.vstack(ratios)
 
 
 def _share_in_average(averages: np.ndarray, known: np.ndarray, model: np.ndarray, least: float) -> np.ndarray:
@@ -189,9 +202,14 @@ def _share_in_average(averages: np.ndarray, known: np.ndarray, model: np.ndarray
     return np.where(is_perfect, 1.0, np.maximum(np.maximum(mean, tail), least))
 
 
-def _slow(parts: list[np.ndarray], dt: float) -> np.ndarray:
-    """Slow part of quantities of all recordings, shape (N, n)."""
-    return np.vstack([uniform_filter1d(part, max(3, round(_AVERAGING_TIME / dt)), axis=0) for part in parts])
+def _slow(parts: list[np.ndarray], steps: Sequence[float]) -> np.ndarray:
+    """Slow part of quantities of all recordings, whose samples are so far apart [s], shape (N, n)."""
+    return np.vstack(
+        [
+            uniform_filter1d(part, max(3, round(_AVERAGING_TIME / dt)), axis=0)
+            for part, dt in zip(parts, steps, strict=True)
+        ]
+    )
 
 
 def _cost(residual: np.ndarray, variance: np.ndarray) -> float:
@@ -228,11 +246,8 @@ def _model_error(samples: _Samples, speed: np.ndarray, velocity: float) -> tuple
     if low.any():
         # A joint nearly at rest vibrates with those that stop hard: the instants of the samples and the
         # inertia torque do not explain that.
-        values = samples.residual[low]
-        total = max(
-            float(np.mean(values**2)) - samples.noise,
-            _excess_variance(values, np.full(len(values), samples.noise)),
-        )
+        values, noise = samples.residual[low], samples.noise[low]
+        total = max(float(np.mean(values**2 - noise)), _excess_variance(values, noise))
         # At the limit itself a quarter of the full variance remains: on average about half.
         rest = np.sqrt(2.0 * max(total - model**2, 0.0))
     return model, inertia, float(rest)

@@ -14,7 +14,8 @@ from contactsense.calibration.calibration_model import CalibrationModel
 from contactsense.calibration.fit.robust_least_squares import MAD_SCALE
 from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.residuals.link_residuals import link_velocity_variance
-from contactsense.calibration.residuals.recording_residuals import velocity_covariance
+from contactsense.calibration.residuals.recording_residuals import sample_time, velocity_covariance
+from contactsense.residuals.momentum_observer import noise_variance_ratio
 from contactsense.sensors.settings import LEAST_NOISE
 
 _ORDER, _GAIN = 4, 70.0
@@ -30,6 +31,8 @@ class WrenchResiduals(NamedTuple):
     """Due to velocities and instants of the samples, shape (N, 6) [N^2, Nm^2]."""
     readings: np.ndarray
     """Of the sensor, shape (M, 6) [N, Nm]."""
+    variance_ratio: float
+    """Variance of the residual over that of white noise in one sample."""
 
 
 def wrench_residuals(
@@ -52,24 +55,23 @@ def wrench_residuals(
         bandwidth: Cut-off frequency of the observer [Hz].
     """
     readings = recording.readings[field]
+    ratio = noise_variance_ratio(bandwidth, sample_time(recording))
     if field != "base_wrench":
         known = link_velocity_variance(arm, recording, field, bandwidth)
-        return WrenchResiduals(residual, known[rows], readings)
+        return WrenchResiduals(residual, known[rows], readings, ratio)
     move = arm.to_base_sensor
     covariance = velocity_covariance(arm, recording, bandwidth)[rows]
-    return WrenchResiduals(residual, np.einsum("ij,njk,ik->ni", move, covariance, move), readings)
+    return WrenchResiduals(residual, np.einsum("ij,njk,ik->ni", move, covariance, move), readings, ratio)
 
 
-def wrench_noise(parts: Sequence[WrenchResiduals], variance_ratio: float) -> tuple[float, float]:
+def wrench_noise(parts: Sequence[WrenchResiduals]) -> tuple[float, float]:
     """Standard deviation of one sample, of force [N] and moment [Nm]: of the axis with the most noise.
 
     Args:
         parts: The residuals of each recording.
-        variance_ratio: Variance of the residual over that of white noise in one sample.
     """
-    beyond = (
-        np.vstack([part.residual**2 - part.known_variance for part in parts]).mean(axis=0) / variance_ratio
-    )
+    squares = [(part.residual**2 - part.known_variance) / part.variance_ratio for part in parts]
+    beyond = np.vstack(squares).mean(axis=0)
     differences = np.vstack([np.diff(part.readings, _ORDER, axis=0) for part in parts])
     white = (MAD_SCALE * np.median(np.abs(differences), axis=0)) ** 2 / _GAIN
     noise = np.maximum(np.sqrt(np.maximum(beyond, white)), LEAST_NOISE)

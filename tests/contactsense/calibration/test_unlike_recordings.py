@@ -54,6 +54,18 @@ def test_the_noise_of_a_sensor_is_that_at_its_own_rate() -> None:
     assert found.base_wrench.force_noise == pytest.approx(0.5, rel=0.15)
 
 
+def test_noise_of_recordings_at_different_rates_is_no_model_error() -> None:
+    """At a lower rate more of it is in the residuals; those of the slow recording counted as model error, and
+    the base sensor's as noise."""
+    found = _calibrated(_recording(1, 500.0), _recording(2, 50.0)).scene
+    assert found.joint_torque is not None
+    assert found.base_wrench is not None
+    assert TRUTH.joint_torque is not None
+    np.testing.assert_allclose(found.joint_torque.noise, TRUTH.joint_torque.noise, rtol=0.15)
+    assert np.max(found.joint_torque.model_error) < 0.3
+    assert found.base_wrench.force_noise == pytest.approx(0.5, rel=0.15)
+
+
 def test_many_samples_of_one_sensor_leave_those_of_two_their_part() -> None:
     """Where a sample of two sensors has twice the energy, none was among the quietest ones, and the friction
     could not be fitted to these."""

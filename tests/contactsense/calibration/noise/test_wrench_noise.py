@@ -41,7 +41,7 @@ def test_it_is_not_that_of_the_velocities(recording: FreeMotion, field: str, vel
     parts = residuals_of(noisy, field)
     sensor = TRUTH.base_wrench if field == "base_wrench" else TRUTH.link_sensors[field]
     assert sensor is not None
-    force, moment = wrench_noise([parts], RATIO)
+    force, moment = wrench_noise([parts])
     assert force == pytest.approx(sensor.force_noise, rel=0.15)
     assert moment == pytest.approx(sensor.moment_noise, rel=0.15)
     # The residuals themselves have it, most that of the sensor that carries the whole arm.
@@ -53,7 +53,7 @@ def test_an_error_of_the_model_counts(recording: FreeMotion) -> None:
     """Forces that come and go slowly are no white noise of the readings, but the residual has them."""
     exact = residuals_of(recording, "base_wrench")
     slow = np.sin(0.5 * np.arange(len(exact.residual)) / RATE)[:, None]
-    force, _ = wrench_noise([exact._replace(residual=exact.residual + 2.0 * slow)], RATIO)
+    force, _ = wrench_noise([exact._replace(residual=exact.residual + 2.0 * slow)])
     assert force == pytest.approx(np.sqrt(2.0 / RATIO), rel=0.2)
 
 
