@@ -59,4 +59,5 @@ def test_an_error_of_the_model_counts(recording: FreeMotion) -> None:
 
 def test_readings_without_noise_have_the_least_noise_that_a_scene_may_state() -> None:
     silent = np.zeros((100, 6))
-    assert wrench_noise([WrenchResiduals(silent, silent, silent)], RATIO) == (LEAST_NOISE, LEAST_NOISE)
+    parts = [WrenchResiduals(silent, silent, silent, RATIO)]
+    assert wrench_noise(parts) == (LEAST_NOISE, LEAST_NOISE)
