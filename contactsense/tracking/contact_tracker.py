@@ -64,6 +64,9 @@ def choose_window(
     the longest that can be used; in between it is neither used nor restarted. If windows 0 to 3 agree, for
     example, and 4 disagrees with 0, then 4 becomes a copy of 3, and 3 is the longest that can be used.
 
+    Without a base sensor windows are compared by the direction of their torques
+    (`contactsense.tracking.torque_windows`), and the present magnitude of the force is stored.
+
     Args:
         torque_noise: Stated variance of each joint torque's noise in one sample, shape (n,) [Nm^2], and that
             of the stream in units of it (`contactsense.residuals.noise_scale`).
@@ -83,7 +86,9 @@ def choose_window(
     if status.last_body < 0:
         return False
     status.window = 0
-    longest = longest_unchanged = 0
+    longest = 0
+    # Without a base sensor: the longest one whose force has the magnitude of that in all shorter ones, too.
+    longest_unchanged = 0
     slid = False
     joints = torque_noise[0].shape[0]
     agreement = AGREE_HOLDING if status.phase == HOLD else AGREE
