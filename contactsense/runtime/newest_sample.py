@@ -63,10 +63,11 @@ def localize(
         dt,
         bandwidth,
     )
-    has_base, has_torque, link_sensors = usable_sensors(stream)
+    usable = usable_sensors(stream)
+    has_base = usable[0]
     base_noise = (state.base_noise, state.base_velocity_error.noise)
     torque_noise = (constants.sensors.torque_variance, state.noise_scale.noise[TORQUE].scale)
-    slid = choose_window(torque_noise, base_noise, track, state.motion, has_base, dt, bandwidth)
+    slid = choose_window(torque_noise, base_noise, track, state.motion, usable, dt, bandwidth)
     update_phase(track, slid, dt, bandwidth)
     window = track.status[0].window
     if window > 0:
@@ -74,7 +75,6 @@ def localize(
         set_external(state, parts_of(track.mean[window], joints, sensors_in_arm))
     else:
         set_external(state, current_parts(state.observers))
-    usable = (has_base, has_torque, link_sensors)
     listed, _ = explain_sample(
         buffers, skin, usable, track.windows[window].variance_ratio, link_first, -1.0, rows
     )

@@ -25,6 +25,7 @@ from contactsense.residuals.wrench_velocity_error import noise_share_in_average
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import kernel
 from contactsense.robots.vectors import Vector, cross, rotate, tangents, vector
+from contactsense.sensors.usable_sensors import Usable
 from contactsense.tracking.contact_track import HOLD, NEW, NONE, SLIDE, WINDOWS, ContactTrack, Window
 from contactsense.tracking.torque_windows import present_magnitude, torque_difference
 from contactsense.tracking.window_averages import WINDOW_GROWTH
@@ -53,7 +54,7 @@ def choose_window(
     base_noise: tuple[np.ndarray, np.ndarray],
     track: ContactTrack,
     motion: Motion,
-    has_base: bool,
+    usable: Usable,
     dt: float,
     bandwidth: float,
 ) -> bool:
@@ -74,11 +75,12 @@ def choose_window(
             that of the newest residual due to the velocities' noise, which is a part of it, shape (6, 6).
         track: Changed in place: the chosen window, and windows that are restarted.
         motion: Poses.
-        has_base: Whether the base sensor's residual can be used. Without it windows agree as long as the
-            directions of the torques do: while neither direction of the force nor posture changes.
+        usable: Which residuals can be used. With a sensor within the arm, the magnitudes of the torques must
+            agree, too: it measures the present force better than they do.
         dt: Time since the last sample [s].
         bandwidth: Cut-off frequency of the observers [Hz].
     """
+    has_base, _, link_sensors = usable
     status = track.status[0]
     # The newest residual alone does not show a sustained contact.
     status.window = 1 if status.sustained else 0
@@ -102,9 +104,11 @@ def choose_window(
                 max_distance = max(max_distance, _position_distance(track, i, j))
                 continue
             difference = torque_difference(torque_noise, track, i, j)
-            distance = _chi_square_distance(difference.direction, max(joints - 1, 1))
-            max_distance = max(max_distance, distance)
-            max_change = max(max_change, _chi_square_distance(difference.whole, joints))
+            change = _chi_square_distance(difference.whole, joints)
+            max_change = max(max_change, change)
+            if link_sensors == 0:
+                change = _chi_square_distance(difference.direction, max(joints - 1, 1))
+            max_distance = max(max_distance, change)
         if max_change <= agreement and longest_unchanged == i - 1:
             longest_unchanged = i
         if max_distance > DISAGREE:

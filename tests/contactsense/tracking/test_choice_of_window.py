@@ -52,11 +52,14 @@ def touched(shifts: list[float], newest: float = FORCE) -> ContactTrack:
     return track
 
 
-def choose(track: ContactTrack, has_base: bool = True, torque_scale: float = 1.0) -> bool:
+def choose(
+    track: ContactTrack, has_base: bool = True, torque_scale: float = 1.0, link_sensors: int = 0
+) -> bool:
     """Choose a window; the base sensor's noise is that of its moments alone."""
     base_noise = (np.diag([1e-12] * 3 + [NOISE**2] * 3), np.zeros((6, 6)))
     torque_noise = (np.full(6, TORQUE_NOISE**2), torque_scale)
-    return bool(choose_window(torque_noise, base_noise, track, MOTION, has_base, DT, BANDWIDTH))
+    usable = (has_base, True, link_sensors)
+    return bool(choose_window(torque_noise, base_noise, track, MOTION, usable, DT, BANDWIDTH))
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -158,6 +161,9 @@ def test_without_a_base_sensor_the_magnitude_of_the_torques_may_change(newest: f
     assert track.status[0].magnitude == pytest.approx(newest)
     assert not choose(track)
     assert track.status[0].magnitude == 1.0
+    # A sensor within the arm measures the present force better than the torques do.
+    assert not choose(track, has_base=False, link_sensors=1)
+    assert (track.status[0].window, track.status[0].magnitude) == (1, 1.0)
 
 
 def test_a_contact_is_new_then_holds_slides_and_holds_again() -> None:

@@ -297,7 +297,8 @@ def test_a_sustained_contact_begins_with_the_average_that_showed_it(sustained: b
     motion, scene = empty_motion(6), Scene(robot=ARM, base_wrench=None)
     sensors = build_constants(scene).sensors
     base_noise, torque_noise = (sensors.base_covariance, np.zeros((6, 6))), (sensors.torque_variance, 1.0)
-    assert not choose_window(torque_noise, base_noise, track, motion, False, 0.002, 10.0)
+    usable = (False, True, 0)
+    assert not choose_window(torque_noise, base_noise, track, motion, usable, 0.002, 10.0)
     np.testing.assert_array_equal(track.mean[0, first_torque(6) : first_torque(6) + 6], 1.0)
     if sustained:
         np.testing.assert_array_equal(track.mean[1:], 2.0)
