@@ -54,7 +54,7 @@ from contactsense.setup_check.search.wrong_lines import searched
 from contactsense.setup_check.setup import Free, Setup
 from contactsense.setup_check.terms.instants import without_gaps
 from contactsense.setup_check.terms.motion_basis import MotionBases, Readings
-from contactsense.setup_check.usable_recordings import AT_RANGE, FROZEN, check_usable
+from contactsense.setup_check.usable_recordings import AT_RANGE, FROZEN, check_usable, with_all_sensors
 
 _MOVES, _MOVING_SHARE = 0.02, 0.3
 """A joint moves if it is faster than this [rad/s] for more than this share of the time."""
@@ -72,12 +72,13 @@ def check(
     Args:
         scene: What is to be checked.
         recordings: Read under this scene; the base sensor's readings not shifted by its delay. A sensor that
-            is at its range is not used.
+            is at its range is not used, nor is a recording that lacks a sensor of another one.
         progress: Called with the name of the next stage.
 
     Raises:
-        CheckError: The recordings are too short, or lack all sensors of the scene.
+        CheckError: The recordings are too short, or lack all sensors of the scene, or none has those of all.
     """
+    recordings = with_all_sensors(scene, recordings)
     saturated = saturated_sensors(scene, recordings)
     recordings = [without(part, saturated) for part in recordings]
     still = frozen_joints(scene, recordings)

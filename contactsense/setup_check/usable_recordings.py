@@ -17,6 +17,31 @@ class CheckError(ValueError):
     """The recordings cannot be used for a check; the message gives the reason and a remedy."""
 
 
+def with_all_sensors(scene: Scene, recordings: list[FreeMotion]) -> list[FreeMotion]:
+    """The recordings that have every sensor of the scene that any of them has: all are compared together, and
+    one that lacks a sensor would hide what it reads in the others.
+
+    Raises:
+        CheckError: None has them all.
+    """
+    there = [_sensors(scene, part) for part in recordings]
+    every = frozenset[str]().union(*there)
+    found = [part for part, own in zip(recordings, there, strict=True) if own == every]
+    if recordings and not found:
+        raise CheckError(
+            f"expected a recording with all of {', '.join(sorted(every))}, got them in different recordings: "
+            "check those one by one"
+        )
+    return found
+
+
+def _sensors(scene: Scene, part: FreeMotion) -> frozenset[str]:
+    """Fields of the scene's sensors that a recording has."""
+    known = {"joint_torque": scene.joint_torque, "base_wrench": scene.base_wrench, **scene.link_sensors}
+    own = part.readings.keys() | ({"joint_torque"} if part.torque is not None else set())
+    return frozenset(field for field, sensor in known.items() if sensor is not None and field in own)
+
+
 def check_usable(
     scene: Scene, recordings: list[FreeMotion], parts: list[FreeMotion], unusable: Mapping[str, str]
 ) -> None:

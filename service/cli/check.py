@@ -26,6 +26,7 @@ from contactsense.service.sensors.live_free_motion import read_live_motion
 from contactsense.setup_check import CheckError, Finding, Residuals, SetupCheck
 from contactsense.setup_check import check as run
 from contactsense.setup_check.result import FITS_BETTER
+from contactsense.setup_check.usable_recordings import with_all_sensors
 
 _VERDICTS = {
     "fits": "fits",
@@ -126,6 +127,9 @@ def _recorded(
         parts += found
         for problem in problem_lines(problems):
             errors.print(f"{recording}: {problem}", soft_wrap=True)
+    used = {part.name for part in with_all_sensors(scene, parts)}
+    for name in dict.fromkeys(part.name for part in parts if part.name not in used):
+        errors.print(f"{name}: not used, as it lacks a sensor of the others: check it alone", soft_wrap=True)
     return parts
 
 

@@ -202,6 +202,29 @@ def test_a_wrong_line_is_named_with_the_value_that_fits(
 
 
 @pytest.mark.slow
+def test_a_recording_without_a_sensor_hides_nothing_of_the_others(folder: Path, tmp_path: Path) -> None:
+    """The sensor was not used in any of them, and nothing contradicted the scene."""
+    scene = Scene.load(folder / "right.yaml")
+    sensor = scene.base_wrench
+    assert sensor is not None
+    other = {"arm_on_sensor": "sensor_on_arm", "sensor_on_arm": "arm_on_sensor"}[sensor.sign]
+    content = yaml.safe_load((folder / "right.yaml").read_text())
+    content["base_wrench"]["sign"] = other
+    wrong, lacking = tmp_path / "wrong.yaml", tmp_path / "lacking.csv"
+    wrong.write_text(yaml.safe_dump(content))
+    (part,), _ = read_free_motion(folder / "free.csv", scene)
+    columns = {"timestamp": part.t}
+    for name, values in (("actual_q", part.q), ("actual_qd", part.qd), ("joint_torque", part.torque)):
+        assert values is not None
+        columns |= {f"{name}_{i}": values[:, i] for i in range(6)}
+    write_columns(lacking, columns)
+    result = CliRunner().invoke(check, [str(wrong), str(folder / "free.csv"), str(lacking), "--json"])
+    assert result.exit_code == 1
+    assert json.loads(result.stdout)["findings"][0]["line"] == "base_wrench.sign"
+    assert f"{lacking}: not used, as it lacks a sensor of the others" in result.stderr
+
+
+@pytest.mark.slow
 def test_units_of_a_recording_are_a_matter_of_its_columns(folder: Path) -> None:
     arguments = [str(folder / "right.yaml"), str(folder / "degrees.csv")]
     result = CliRunner().invoke(check, arguments)
