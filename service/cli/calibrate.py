@@ -135,8 +135,9 @@ def calibrate(
 
 def _check_report(folder: Path) -> None:
     """Refuse a report that cannot be made, before the work instead of after it."""
-    if folder.exists() and not folder.is_dir():
-        raise click.ClickException(f"--report: expected a folder, got the file {folder}")
+    there = next(path for path in (folder, *folder.parents) if path.exists())
+    if not there.is_dir():
+        raise click.ClickException(f"--report: expected a folder, got the file {there}")
     try:
         import matplotlib  # noqa: F401
     except ImportError as error:

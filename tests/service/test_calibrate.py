@@ -201,8 +201,9 @@ def test_a_report_that_cannot_be_made_is_refused_before_the_work(
     taken = tmp_path / "report"
     taken.write_text("")
     arguments = [str(folder / "free.csv"), "--scene", str(folder / "scene.yaml"), "--report"]
-    result = CliRunner().invoke(calibrate, [*arguments, str(taken)])
-    assert result.stderr == f"Error: --report: expected a folder, got the file {taken}\n"
+    for report in (taken, taken / "below"):
+        result = CliRunner().invoke(calibrate, [*arguments, str(report)])
+        assert result.stderr == f"Error: --report: expected a folder, got the file {taken}\n"
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     result = CliRunner().invoke(calibrate, [*arguments, str(tmp_path / "other")])
     assert result.exit_code == 1
