@@ -75,7 +75,13 @@ def test_an_action_that_takes_too_long_is_killed() -> None:
     try:
         client.start("a", TOLD, time.monotonic())
         # An executor that has not started after 1.5 s is reported first, as one that hangs.
-        assert until(lambda: any("killed" in result["reason"] for result in results_of(client, 1)), 60.0)
+        told: list[tuple[bool, str]] = []
+
+        def killed() -> bool:
+            told.extend((result["ok"], result["reason"]) for result in results_of(client, 1))
+            return (False, "sleep: killed after 0.5 s") in told
+
+        assert until(killed, 60.0), told
     finally:
         client.close()
 
@@ -203,5 +209,5 @@ def test_a_preparation_that_fails_ends_nothing(monkeypatch: pytest.MonkeyPatch) 
     assert until(lambda: len(reported) == 2)
     ok, why, about = reported[0]
     assert (ok, about) == (False, "none")
-    assert "Resource temporarily unavailable" in why
+    assert why == "BlockingIOError: [Errno 11] Resource temporarily unavailable"
     assert reported[1] == (True, "exit status 0", "oldest")
