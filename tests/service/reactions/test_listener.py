@@ -301,6 +301,31 @@ def test_the_state_is_reported_at_the_start_and_four_times_a_second(unconnected:
     assert told == [[False], [], [False], [], [False]]
 
 
+def test_the_heartbeat_is_written_when_it_is_due(
+    unconnected: ReactionListener, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written: list[float] = []
+    assert unconnected._registers is not None
+    monkeypatch.setattr(unconnected._registers, "write", lambda *_: written.append(now))
+    monkeypatch.setattr(unconnected._registers, "is_due", lambda now: now == 100.01)
+    for now in (100.0, 100.01, 100.02):
+        unconnected.tick(now)
+    assert written == [100.01]
+
+
+def test_without_registers_and_slider_time_passes_as_well() -> None:
+    """An error would end all that is due at this moment, such as reports."""
+    rules = ReactionRules.model_validate(
+        {"rules": [{"name": "r", "links": ["any"], "contact": {"force": 9.0}}]}
+    )
+    listener = ReactionListener(rules, SCENE, None)
+    listener.take_reports()
+    for now in (100.0, 102.0):
+        listener.tick(now)
+        assert [report["type"] for report in listener.take_reports()] == ["reactions"]
+    listener.close()
+
+
 def test_a_sample_that_changes_nothing_writes_and_reports_nothing(
     unconnected: ReactionListener, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -3,7 +3,7 @@
 import socket
 import struct
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import Any
 
@@ -43,10 +43,11 @@ def test_a_controller_that_is_away_is_told_and_found_again() -> None:
 def test_a_mute_controller_blocks_nobody() -> None:
     with socket.create_server(("127.0.0.1", 0)) as mute:
         inputs = RtdeInputs("127.0.0.1", mute.getsockname()[1], {"a": ["input_int_register_47"]})
-        now = 0.0
-        for _ in range(300):
-            inputs.poll(now)
-            now += 0.01
+        poll_until(inputs, lambda: inputs._connected)
+        heard = inputs._heard
+        inputs.poll(heard + 1.9)
+        assert inputs.error == ""
+        inputs.poll(heard + 2.1)
         assert "no answer in time" in inputs.error
         inputs.close()
 
@@ -78,10 +79,11 @@ class Controller:
 
 
 @contextmanager
-def connected() -> Iterator[tuple[RtdeInputs, Controller]]:
+def connected(outputs: Sequence[str] = ()) -> Iterator[tuple[RtdeInputs, Controller]]:
     """Inputs and a controller that has accepted their connection."""
     with socket.create_server(("127.0.0.1", 0)) as server:
-        inputs = RtdeInputs("127.0.0.1", server.getsockname()[1], {"a": ["input_int_register_47"]})
+        port = server.getsockname()[1]
+        inputs = RtdeInputs("127.0.0.1", port, {"a": ["input_int_register_47"]}, outputs)
         poll_until(inputs, lambda: inputs._socket is not None)
         connection, _ = server.accept()
         with connection:
@@ -152,6 +154,47 @@ def test_a_controller_that_does_not_read_is_told_and_left() -> None:
             assert time.monotonic() < deadline
         assert "the controller does not read what is written" in inputs.error
         assert not inputs.can_write("a")
+
+
+def test_a_controller_that_falls_silent_is_told_and_left() -> None:
+    """One that hangs takes what is written for a while, and does nothing with it."""
+    with connected() as (inputs, controller):
+        granted(inputs, controller)
+        heard = inputs._heard
+        inputs.poll(heard + 1.9)
+        assert inputs.can_write("a")
+        inputs.poll(heard + 2.1)
+        assert inputs.error.endswith(": no answer in time")
+        assert not inputs.can_write("a")
+        assert not inputs.write("a", [5])
+
+
+@pytest.mark.parametrize(
+    ("replies", "why"),
+    [
+        ([wire.ProtocolVersionReply(False)], "it does not speak RTDE version 2"),
+        ([wire.ProtocolVersionReply(True), wire.StartReply(False)], "it refuses to start"),
+    ],
+)
+def test_what_a_controller_refuses_is_told_and_tried_again(replies: list[wire.Reply], why: str) -> None:
+    with connected() as (inputs, controller):
+        begin = time.monotonic()
+        controller.answer(*replies)
+        poll_until(inputs, lambda: bool(inputs.error))
+        assert inputs.error.endswith(f": {why}")
+        inputs.poll(begin + 0.9)
+        assert inputs._socket is None
+        inputs.poll(time.monotonic() + 1.0)
+        assert inputs._socket is not None
+
+
+@pytest.mark.parametrize(("outputs", "frequency"), [((), 10.0), (("target_speed_fraction",), 125.0)])
+def test_a_controller_sends_as_often_as_its_outputs_are_needed(
+    outputs: tuple[str, ...], frequency: float
+) -> None:
+    with connected(outputs) as (inputs, controller):
+        poll_until(inputs, lambda: controller.setups() == 1 and len(controller.requests) == 3)
+        assert controller.requests[-1] == wire.OutputSetup(frequency, ("timestamp", *outputs))
 
 
 def test_an_answer_that_was_not_asked_for_is_told_and_ends_the_connection() -> None:
