@@ -4,9 +4,11 @@ import time
 
 import pytest
 
+from contactsense.service.reactions.listener import ReactionListener
 from contactsense.service.reactions.rtde_inputs import RtdeInputs
+from contactsense.service.reactions.rules import ReactionRules
 from tests.service.loopback import rtde_server
-from tests.service.reactions.estimates import contact, estimate
+from tests.service.reactions.estimates import SCENE, contact, estimate, sample
 from tests.service.reactions.listener_play import RULES, Play, poll_until
 
 
@@ -144,6 +146,25 @@ def test_a_raised_slider_is_reported_at_once() -> None:
             assert made.state()["lowered"] is None
         finally:
             made.listener.close()
+
+
+def test_a_slider_that_is_lowered_later_is_reported_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The process may end before its next regular report, and the slider would stay low."""
+    taken = False
+    monkeypatch.setattr(RtdeInputs, "poll", lambda *_: None)
+    monkeypatch.setattr(RtdeInputs, "write", lambda *_: taken)
+    listener = ReactionListener(ReactionRules.model_validate(RULES), SCENE, "127.0.0.1")
+    try:
+        listener.receive(sample(0.0), estimate(0.0, contact(newtons=20.0)))
+        listener.tick(100.0)
+        listener.take_reports()
+        listener.tick(100.01)
+        assert listener.take_reports() == []
+        taken = True
+        listener.tick(100.02)
+        assert [report["lowered"] for report in listener.take_reports()] == [0.1]
+    finally:
+        listener.close()
 
 
 def test_a_level_without_restore_that_ends_before_the_connection_is_not_written_later() -> None:
