@@ -74,3 +74,67 @@ def test_an_error_that_comes_again_is_logged_once(
     assert errors == ["", *(f"OSError: {what}" for what in "aaabbb")]
     told = [f"the watch: OSError: {what}; it is being restarted" for what in "abb"]
     assert [record.getMessage() for record in caplog.records] == told
+
+
+def test_a_task_that_is_stopped_has_ended_and_can_be_started_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(supervision, "PAUSE", 0.001)
+    began, ended = 0, 0
+    cancel = asyncio.Event()
+
+    async def body() -> None:
+        nonlocal began, ended
+        began += 1
+        try:
+            await cancel.wait()
+        finally:
+            await asyncio.sleep(0.0)  # as where a connection is closed
+            ended += 1
+        cancel.clear()
+        raise asyncio.CancelledError
+
+    task = Supervised("the watch", body)
+
+    async def until(lives: int) -> None:
+        async with asyncio.timeout(10.0):
+            while began < lives:
+                await asyncio.sleep(0.001)
+
+    async def scenario() -> None:
+        await task.stop()  # nothing runs yet
+        for lives in (1, 2):
+            task.start()
+            await until(lives)
+            await task.stop()
+            assert ended == lives
+            await asyncio.sleep(0.01)
+            assert (began, ended, task.failures) == (lives, lives, 0)
+        task.start()
+        await until(3)
+        cancel.set()
+        await until(4)
+        assert task.failures == 1
+        await task.stop()
+
+    asyncio.run(scenario())
+
+
+def test_a_task_that_fails_at_once_is_not_started_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(supervision, "PAUSE", 60.0)
+    lives = 0
+
+    async def body() -> None:
+        nonlocal lives
+        lives += 1
+        if lives > 3:
+            await asyncio.sleep(60.0)
+        raise OSError("no such file")
+
+    async def scenario() -> None:
+        task = Supervised("the watch", body)
+        task.start()
+        for _ in range(20):
+            await asyncio.sleep(0.0)
+        assert (lives, task.failures) == (1, 1)
+        await task.stop()
+
+    asyncio.run(scenario())
