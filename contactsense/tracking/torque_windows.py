@@ -22,8 +22,8 @@ class TorqueDifference(NamedTuple):
     whole: float
     """A chi-square variable of n degrees of freedom if the contact has not changed."""
     direction: float
-    """Of the part at right angles to the torques of the longer window: of n - 1 degrees of freedom if the
-    contact has changed its magnitude alone."""
+    """From the nearest multiple of the torques of the longer window that is not negative, as no push becomes
+    a pull: of n - 1 degrees of freedom if the contact has changed its magnitude alone."""
 
 
 @kernel
@@ -39,15 +39,17 @@ def torque_difference(
     """
     variance, scale = torque_noise
     index = first_torque(variance.shape[0])
-    whole, along, squared = 0.0, 0.0, 0.0
+    whole, square, product, longer_square = 0.0, 0.0, 0.0, 0.0
     for k in range(variance.shape[0]):
         weight = 1.0 / (scale * variance[k] * track.windows[shorter].variance_ratio)
-        torque = track.mean[longer, index + k]
-        difference = torque - track.mean[shorter, index + k]
-        whole += weight * difference * difference
-        along += weight * difference * torque
-        squared += weight * torque * torque
-    return TorqueDifference(whole, max(whole - along * along / squared, 0.0) if squared > 0.0 else whole)
+        torque, newer = track.mean[longer, index + k], track.mean[shorter, index + k]
+        whole += weight * (torque - newer) * (torque - newer)
+        square += weight * newer * newer
+        product += weight * torque * newer
+        longer_square += weight * torque * torque
+    if product > 0.0:
+        square = max(square - product * product / longer_square, 0.0)
+    return TorqueDifference(whole, square)
 
 
 @kernel

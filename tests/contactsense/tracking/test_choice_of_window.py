@@ -166,6 +166,16 @@ def test_without_a_base_sensor_the_magnitude_of_the_torques_may_change(newest: f
     assert (track.status[0].window, track.status[0].magnitude) == (1, 1.0)
 
 
+def test_without_a_base_sensor_a_push_that_turns_into_a_pull_is_another_contact() -> None:
+    track, first = touched([0.0] * WINDOWS), first_torque(6)
+    torque = np.array([8.0, -20.0, 12.0, 0.0, 0.0, 0.0])
+    track.mean[:2, first : first + 6] = -0.5 * torque
+    track.mean[2:, first : first + 6] = torque
+    assert not choose(track, has_base=False)
+    assert (track.status[0].window, track.status[0].magnitude) == (1, 1.0)
+    np.testing.assert_array_equal(track.mean[3, first : first + 6], -0.5 * torque)
+
+
 def test_a_contact_is_new_then_holds_slides_and_holds_again() -> None:
     """New for 9 time constants of the observer, whatever it does; it holds again 20 after it last moved."""
     track = zeros(ContactTrack, **SIZES)

@@ -59,10 +59,14 @@ def test_windows_without_torques_agree() -> None:
     assert present_magnitude(VARIANCE, nothing, 1, 0) == 1.0
 
 
-def test_no_force_changes_its_sign() -> None:
+def test_no_push_becomes_a_pull() -> None:
+    """Torques of the opposite sign are those of another contact, as after a rebound."""
     torque = np.array([9.0, -20.0, 14.0, 3.0, -2.0, 1.0])
-    track = windows(np.array([-0.2 * torque, torque]), np.array([0.06, 0.01]))
+    track = windows(np.array([-0.5 * torque, torque]), np.array([0.06, 0.01]))
     assert present_magnitude(VARIANCE, track, 1, 0) == 0.0
+    found = torque_difference((VARIANCE, 1.0), track, 1, 0)
+    assert found.direction == pytest.approx(np.sum(0.25 * torque**2 / (0.06 * VARIANCE)))
+    assert found.whole == pytest.approx(9.0 * found.direction)
 
 
 def test_a_trembling_push_is_averaged_for_as_long_as_it_lasts() -> None:
