@@ -6,15 +6,12 @@ import numpy as np
 from pydantic import ConfigDict, Field, field_validator
 
 from contactsense.robots.files.file_model import FileModel
+from contactsense.robots.inertial_fields import Mass, Tensor
 from contactsense.robots.primitives import Primitive, Vector
 from contactsense.robots.principal_moments import check_principal_moments
 from contactsense.robots.robot import Inertia
 from contactsense.robots.rotations import symmetric
 from contactsense.robots.surface.deviation_table import DeviationTable
-
-_Moment = Annotated[float, Field(ge=-1e9, le=1e9)]
-"""Component of an inertia [kg m^2]: even in kg mm^2, none is larger."""
-_Tensor = tuple[_Moment, _Moment, _Moment, _Moment, _Moment, _Moment]
 
 
 class Tool(FileModel):
@@ -25,11 +22,11 @@ class Tool(FileModel):
 
     name: Annotated[str, Field(min_length=1)] = "tool"
     """Name of the link in estimates."""
-    mass: Annotated[float, Field(ge=0.0, le=1e6)] = 0.0
+    mass: Mass = 0.0
     """Mass [kg]."""
     com: Vector = (0.0, 0.0, 0.0)
     """Centre of mass, flange frame [m]."""
-    tensor: _Tensor = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    tensor: Tensor = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     """Inertia about the centre of mass, flange axes, as ixx, ixy, ixz, iyy, iyz, izz [kg m^2]."""
     primitives: tuple[Primitive, ...] = Field(default=())
     """Surface, flange frame [m]; without, the tool cannot be touched. docs/geometry.md lists the kinds."""
@@ -39,7 +36,7 @@ class Tool(FileModel):
 
     @field_validator("tensor")
     @classmethod
-    def _is_of_a_body(cls, tensor: _Tensor) -> _Tensor:
+    def _is_of_a_body(cls, tensor: Tensor) -> Tensor:
         check_principal_moments(symmetric(tensor))
         return tensor
 

@@ -25,6 +25,7 @@ from contactsense.robots.errors import RobotError, SurfaceFileError
 from contactsense.robots.files import yaml_fields
 from contactsense.robots.files.field_errors import joined, reasons
 from contactsense.robots.files.file_model import FileModel
+from contactsense.robots.inertial_fields import LARGEST_MASS, Tensor
 from contactsense.robots.primitives import Primitive, Vector
 from contactsense.robots.principal_moments import check_principal_moments
 from contactsense.robots.robot import Inertia, Joint, Link, Robot
@@ -35,7 +36,6 @@ from contactsense.robots.units import FURTHEST, in_metres, within_one_turn
 
 Place = Annotated[Vector, AfterValidator(in_metres)]
 Angles = Annotated[Vector, AfterValidator(within_one_turn)]
-Tensor = tuple[float, float, float, float, float, float]
 Entry = TypeVar("Entry", bound=BaseModel)
 Rotor = Annotated[float, Field(ge=0.0)]
 # A limit that is not known, or that a joint does not have, is infinite; no other number of a joint is.
@@ -47,7 +47,7 @@ class LinkEntry(FileModel):
     """One link: `tensor` as ixx, ixy, ixz, iyy, iyz, izz about the com, in axes rotated by `rpy`."""
 
     name: str
-    mass: PositiveFloat
+    mass: Annotated[float, Field(gt=0.0, le=LARGEST_MASS)]
     com: Place
     rpy: Angles = (0.0, 0.0, 0.0)
     tensor: Tensor

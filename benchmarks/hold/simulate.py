@@ -90,7 +90,7 @@ def stream(
     model, motion, gravity = build_model(robot), empty_motion(6), Scene(robot=robot).gravity_base
     torque, wrench, rng = np.empty(6), np.empty(6), np.random.default_rng(seed)
     held, normal = finger.at(0.0)
-    tangential = 0.1 * np.array([-1.0, 0.0, 0.0])  # the way of a slide: friction drags the arm along
+    tangential = 0.1 * np.array([-1.0, 0.0, 0.0])  # as the slide, whose friction drags the arm along
     for t in np.arange(0.0, FREE + seconds, 1.0 / RATE):
         q = _HOME + case.speed / _RATES * np.sin(_RATES * t)
         qd, qdd = case.speed * np.cos(_RATES * t), -case.speed * _RATES * np.sin(_RATES * t)

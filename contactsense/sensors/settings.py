@@ -16,8 +16,9 @@ from pydantic import (
 from contactsense.robots import Inertia
 from contactsense.robots.attribute_docs import with_attributes
 from contactsense.robots.files.file_model import FileModel
+from contactsense.robots.inertial_fields import Mass, Tensor
 from contactsense.robots.primitives import Vector
-from contactsense.robots.rotations import rotation_from_rpy
+from contactsense.robots.rotations import rotation_from_rpy, symmetric
 from contactsense.robots.units import in_metres, within_one_turn
 from contactsense.sensors.field_checks import in_seconds
 
@@ -75,8 +76,6 @@ _Velocity = Annotated[float, Field(gt=0.0, le=100.0)]
 """Of a joint [rad/s]: none is faster."""
 _Load = Annotated[float, Field(ge=-1e6, le=1e6)]
 """Component of a reading [N or Nm]: no sensor of an arm measures more."""
-_Moment = Annotated[float, Field(ge=-1e9, le=1e9)]
-"""Component of an inertia [kg m^2]: even in kg mm^2, none is larger."""
 
 
 def _two_or_six(numbers: object) -> object:
@@ -256,18 +255,17 @@ class JointTorqueSensor(Part):
 class LinkInertia(Part):
     """Mass distribution of one link, if the robot's data are not accurate enough."""
 
-    mass: Annotated[float, Field(ge=0.0, le=1e6)]
+    mass: Mass
     """Mass [kg]."""
     com: Vector
     """Centre of mass, link frame [m]."""
-    tensor: tuple[_Moment, _Moment, _Moment, _Moment, _Moment, _Moment]
+    tensor: Tensor
     """Inertia about the centre of mass, link axes, as ixx, ixy, ixz, iyy, iyz, izz [kg m^2]."""
 
     @property
     def inertia(self) -> Inertia:
         """The same as `robots.Inertia`."""
-        xx, xy, xz, yy, yz, zz = self.tensor
-        return Inertia(self.mass, np.array(self.com), np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+        return Inertia(self.mass, np.array(self.com), symmetric(self.tensor))
 
 
 def per_joint(value: float | tuple[float, ...], joints: int) -> np.ndarray:

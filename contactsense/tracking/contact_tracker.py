@@ -239,7 +239,7 @@ def _position_distance(track: ContactTrack, i: int, j: int) -> float:
     yy = weight * noisier.moment_yy + POSITION_TOLERANCE * POSITION_TOLERANCE
     dx, dy = first.x - second.x, first.y - second.y
     squared_distance = (yy * dx * dx - 2.0 * xy * dx * dy + xx * dy * dy) / (xx * yy - xy * xy)
-    return float(0.5 * (squared_distance - 2.0))
+    return _chi_square_distance(squared_distance, 2)
 
 
 @kernel

@@ -8,12 +8,12 @@ next longer one j thus give an independent measurement of the place p now and of
     F_i x_i - F_j x_j = (F_i - F_j) p - (F_i a_i - F_j a_j) v,    of variance V_i - V_j,
 
 the longest one alone with F_j = V_j = 0. Beforehand, the contact holds its place with probability 1 - q, or
-slides. What slides over the arm drags it along (Coulomb): the tangential force points the way of the contact.
-So the component of the velocity along it is positive, as the absolute value of a normal variable, and the
-component across it is zero, both as far as the normal is known: a tangential force of r times the normal one
-has a direction of weight r^2 / (r^2 + e^2), with e the error of the normal. Without a tangential force both
-components are normally distributed about zero. With m_k and s_k mean and variance of the component k, and L_k
-its inverse variance, prior included, the odds of sliding are
+slides. What slides over the arm drags it along (Coulomb): the tangential force has the direction of its
+velocity. So the component of the velocity along that force is positive, as the absolute value of a normal
+variable, and the component across it is zero, both as far as the normal is known: a tangential force of r
+times the normal one has a direction of weight r^2 / (r^2 + e^2), with e the error of the normal. Without a
+tangential force both components are normally distributed about zero. With m_k and s_k mean and variance of
+the component k, and L_k its inverse variance, prior included, the odds of sliding are
 
     q / (1 - q) * prod_k exp(1/2 L_k v_k^2 - 1/2 m_k^2 / s_k) / sqrt(s_k L_k).
 
@@ -133,7 +133,8 @@ def _velocity_prior(track: ContactTrack, t1: Vector, t2: Vector) -> _VelocityPri
     squared = x * x + y * y
     if not squared > 0.0:
         return _VelocityPrior(1.0, 0.0, 0.0, _SPEED * _SPEED, _SPEED * _SPEED)
-    known = squared / (squared + (_NORMAL_ERROR * normal_force) ** 2)
+    error = (_NORMAL_ERROR * normal_force) ** 2
+    known, unknown = squared / (squared + error), error / (squared + error)
     # Moments of the absolute value of a normal variable with the variance of both components together.
     mean = _SPEED * math.sqrt(known * 4.0 / math.pi)
     tangential = math.sqrt(squared)
@@ -142,7 +143,7 @@ def _velocity_prior(track: ContactTrack, t1: Vector, t2: Vector) -> _VelocityPri
         y / tangential,
         mean,
         (1.0 + known) * _SPEED * _SPEED - mean * mean,
-        (1.0 - known) * _SPEED * _SPEED,
+        unknown * _SPEED * _SPEED,
     )
 
 

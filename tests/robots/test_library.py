@@ -128,6 +128,8 @@ def test_reads_a_file_of_ones_own(tmp_path: Path) -> None:
     [
         ("mass: 2.0", "mass: -2.0", r"two_bars.yaml: links\[1\].mass: expected a number above 0, got -2.0"),
         ("mass: 2.0", "mass: .nan", r"links\[1\].mass"),
+        ("mass: 2.0", "mass: 1e300", r"links\[1\].mass: expected a number of at most 1000000, got 1e\+300"),
+        ("[1, 0, 0, 2, 0, 2]", "[1e300, 0, 0, 2, 0, 2]", r"links\[1\].tensor\[0\]: expected a number"),
         ("mass: 2.0", "weight: 2.0", r"links\[1\].mass: expected a value, the field is missing"),
         ("[1, 0, 0, 2, 0, 2]", "[1, 0, 0, 2, 0, 9]", r"links\[1\]\.tensor: expected .*moments 1, 2, 9 kg"),
         ("[1, 0, 0, 2, 0, 2]", "[1, 0, 0, 2, 0]", r"links\[1\].tensor"),

@@ -196,6 +196,17 @@ def test_the_way_of_the_force_is_that_of_the_shift(angle: float) -> None:
     assert 0.0 < weak[:2] @ way < 0.3 * shift[:2] @ way
 
 
+def test_a_force_along_the_tangent_plane_is_no_exception() -> None:
+    """As where the primitive's normal is that of no part of the link: nothing but a direction is known."""
+    noise = 0.02 / np.sqrt(LENGTHS)
+    for ratio in (1e4, 1e12):
+        shift, covariance = extrapolated(np.zeros((4, 2)), noise, tangential=(ratio, 0.0))
+        assert shift[0] > 0.0
+        assert abs(shift[1]) < 1e-9
+        assert np.isfinite(covariance).all()
+        assert (np.linalg.eigvalsh(covariance) > -1e-15).all()
+
+
 def test_one_that_has_long_held_its_place_is_as_certain_as_before() -> None:
     noise = np.array([1e-3, 5e-4, 3e-4, 1.5e-4])
     shift, covariance = extrapolated(np.zeros((4, 2)), noise, ages=5.0 * AGES)

@@ -70,7 +70,7 @@ def test_no_push_becomes_a_pull() -> None:
 
 
 def test_a_trembling_push_is_averaged_for_as_long_as_it_lasts() -> None:
-    """By a third of its force, at 0.7 Hz; each torque is up to ten times the noise."""
+    """By a third of its force, at 0.7 Hz."""
     scene = Scene(robot=plain_ur5e(), base_wrench=None, joint_torque=JointTorqueSensor(noise=NOISE))
     place, push = np.array([-0.2, 0.0, 0.047]), np.array([5.0, 10.0, -30.0])
     free = forward_model(scene, Q, "forearm", place, np.zeros(3)).joint_torque
