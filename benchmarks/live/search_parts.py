@@ -1,5 +1,5 @@
 """`python -m contactsense.benchmarks.live.search_parts FOLDER`: where the time of one answer goes: before the
-search, along a known line of action, over the surface; by sensors and noise."""
+search, along the line of action, over the surface; by sensors and noise."""
 
 import json
 import time
@@ -18,8 +18,7 @@ from contactsense.benchmarks import options
 from contactsense.benchmarks.static_truth.cases import COLUMNS, SENSORS, Noise, measured, scene_of
 from contactsense.benchmarks.static_truth.points import StaticPoints, read
 from contactsense.benchmarks.truth_arms import static_arms
-from contactsense.localization.ranking import LINE_OF_ACTION_DEVIATION
-from contactsense.localization.surface.line_distance import moment_variance
+from contactsense.localization.line_accuracy import KNOWN, ROUGHLY_KNOWN, UNKNOWN, line_accuracy
 from contactsense.robots.jit.kernel import kernel
 from contactsense.runtime.buffers import Buffers, buffer_views
 from contactsense.runtime.explanation import isolate_links
@@ -40,30 +39,35 @@ class Parts(NamedTuple):
     """Kinematics, residuals and link hypotheses."""
     line_share: float
     """Share of the samples whose line of action is known."""
+    rough_share: float
+    """Share of those whose line of action is roughly known."""
     line: float
-    """The search along it; NaN without such samples."""
+    """The search along a known line of action; NaN without such samples."""
+    rough: float
+    """That along one that is roughly known, and where it does not suffice also over the surface; NaN without
+    such samples."""
     surface: float
-    """The search over the surface; NaN without such samples."""
+    """The search over the surface if the line of action is not known; NaN without such samples."""
     total: float
     """Mean over all samples."""
 
 
 @kernel
-def _before_the_search(
-    buffers: Buffers, measured: Measured, usable: Usable, squared_lever: np.ndarray
-) -> None:
-    """Everything before the search, for N samples; fills the squared ratio of the moment's deviation to the
-    force, about the origin of the best link [m^2]."""
+def _before_the_search(buffers: Buffers, measured: Measured, usable: Usable, accuracy: np.ndarray) -> None:
+    """Everything before the search, for N samples; fills how accurately each line of action is known, see
+    `contactsense.localization.line_accuracy`."""
     constants, state = buffer_views(buffers)
     q, torque, base_wrench, link_wrench = measured
     has_base, has_torque, link_sensors = usable
     for i in range(q.shape[0]):
         take_static_sample(constants, state, (q[i], torque[i], base_wrench[i], link_wrench[i]), False)
         isolate_links(constants, state, has_base, has_torque, link_sensors, 1.0)
-        best = np.argmin(state.hypotheses.energy)
-        w, P = state.hypotheses.wrench[best], state.hypotheses.covariance[best]
-        o = state.motion.origin[constants.sensors.depth[best]]
-        squared_lever[i] = moment_variance(P, o[0], o[1], o[2]) / (w[0] ** 2 + w[1] ** 2 + w[2] ** 2)
+        best = int(np.argmin(state.hypotheses.energy))
+        accuracy[i] = UNKNOWN
+        if has_base:
+            accuracy[i] = line_accuracy(
+                constants.touchable, constants.sensors.depth, state.motion, state.hypotheses, best
+            )
 
 
 def microseconds(call: Callable[[], object], samples: int) -> float:
@@ -91,11 +95,11 @@ def measure(points: StaticPoints, noise: Noise, sensors: str) -> Parts:
         np.zeros((samples, 6)) if wrench is None else wrench,
         np.zeros((samples, 0, 6)),
     )
-    buffers, squared_lever = localizer._buffers.arguments, np.empty(samples)
+    buffers, accuracy = localizer._buffers.arguments, np.empty(samples, np.int64)
     before = microseconds(
-        lambda: _before_the_search(buffers, values, (has_base, has_torque, 0), squared_lever), samples
+        lambda: _before_the_search(buffers, values, (has_base, has_torque, 0), accuracy), samples
     )
-    known = has_base & (squared_lever < LINE_OF_ACTION_DEVIATION**2)
+    groups = [accuracy == which for which in (KNOWN, ROUGHLY_KNOWN, UNKNOWN)]
 
     def searched(rows: np.ndarray) -> float:
         chosen = tuple(None if part is None else part[rows] for part in (wrench, torque))
@@ -106,18 +110,10 @@ def measure(points: StaticPoints, noise: Noise, sensors: str) -> Parts:
             int(rows.sum()),
         )
 
-    line, surface = searched(known), searched(~known)
-    total = np.nansum([known.mean() * line, (~known).mean() * surface])
-    return Parts(
-        points.robot,
-        sensors,
-        noise,
-        before,
-        float(known.mean()),
-        line - before,
-        surface - before,
-        float(total),
-    )
+    times, shares = [searched(rows) for rows in groups], [float(rows.mean()) for rows in groups]
+    line, rough, surface = (one - before for one in times)
+    total = float(np.nansum(np.multiply(shares, times)))
+    return Parts(points.robot, sensors, noise, before, shares[0], shares[1], line, rough, surface, total)
 
 
 def table(parts: list[Parts]) -> Table:
@@ -125,7 +121,7 @@ def table(parts: list[Parts]) -> Table:
     drawn = Table(title="one sample of a batch on one core / us")
     for name in ("arm", "sensors", "noise N / Nm / Nm"):
         drawn.add_column(name, no_wrap=True)
-    for name in ("before the search", "line known", "along the line", "over the surface", "all samples"):
+    for name in ("before the search", "line known / roughly", "known", "roughly", "unknown", "all samples"):
         drawn.add_column(name, justify="right")
     for p in parts:
         drawn.add_row(
@@ -133,8 +129,8 @@ def table(parts: list[Parts]) -> Table:
             p.sensors,
             str(p.noise),
             f"{p.before:.1f}",
-            f"{100 * p.line_share:.0f} %",
-            *("" if np.isnan(value) else f"{value:.1f}" for value in (p.line, p.surface)),
+            f"{100 * p.line_share:.0f} / {100 * p.rough_share:.0f} %",
+            *("" if np.isnan(value) else f"{value:.1f}" for value in (p.line, p.rough, p.surface)),
             f"{p.total:.1f}",
         )
     return drawn

@@ -3,12 +3,15 @@
 If the fused wrench determines a line of action, the search on each primitive starts where the line enters it
 (`contactsense.localization.line_search.line_of_action_search`); if that explains nothing, from many places
 near the line (`contactsense.localization.line_search.multistart_search`). Otherwise the whole surface is
-searched (`contactsense.localization.surface_search.search`). The candidates on all links compete by log
-evidence: fit of the torques and of the base wrench, prior of force and torsion, and the width of the
-posterior (`contactsense.solvers.posterior.equations`). So does "none of these": a wrench that is not caused
-by a single push on a touchable link, but by a pull, a couple, several contacts, or a touch on a link that the
-scene leaves out. If a single contact is sought and the line of action is known, so do touches at places that
-the primitives do not model (`contactsense.localization.unmodelled_places`).
+searched (`contactsense.localization.surface_search.search`). A line that is only roughly known, and may enter
+more than a few primitives, does not count.
+
+The candidates on all links compete by log evidence: fit of the torques and of the base wrench, prior of force
+and torsion, and the width of the posterior (`contactsense.solvers.posterior.equations`). So does "none of
+these": a wrench that is not caused by a single push on a touchable link, but by a pull, a couple, several
+contacts, or a touch on a link that the scene leaves out. If a single contact is sought along a line of
+action, so do touches at places that the primitives do not model
+(`contactsense.localization.unmodelled_places`).
 """
 
 import math
@@ -17,13 +20,13 @@ import numpy as np
 
 from contactsense.isolation.link_hypotheses import Hypotheses
 from contactsense.localization.candidates.candidate_buffers import Candidates
+from contactsense.localization.line_accuracy import KNOWN, UNKNOWN, line_accuracy
 from contactsense.localization.line_search.line_of_action_search import search_along_line_of_action
 from contactsense.localization.line_search.multistart_search import search_from_samples
 from contactsense.localization.none_of_these import none_of_these_evidence
 from contactsense.localization.problem.searched_surface import SearchArrays
 from contactsense.localization.problem.single_contact_problem import SingleContactProblem
 from contactsense.localization.problem.surface_cells import SurfaceCells
-from contactsense.localization.surface.line_distance import moment_variance
 from contactsense.localization.surface.primitive_frames import place_primitives
 from contactsense.localization.surface_search.search import search_surface
 from contactsense.localization.unmodelled_places import add_unmodelled_places
@@ -32,12 +35,14 @@ from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.solvers.posterior.contact_prior import Prior, with_surface
 from contactsense.solvers.posterior.mode import ENERGY_CUTOFF
 
-LINE_OF_ACTION_DEVIATION = 0.008
-"""The line of action counts as known if its position has a smaller standard deviation than this [m]."""
 ROUGH_SURFACE_FACTOR = 4.0
 """Factor on the surface deviation at ribs, steps and screw heads."""
 ROUGH_SURFACE_PROBABILITY = 0.1
 """Prior probability of a contact at such a place."""
+FEW_PRIMITIVES = 3
+"""A line of action that is roughly known is searched along if it may well enter no more primitives than this.
+For more, the search over the surface is faster; and beside the seam of two links, the mode on one of them may
+be inside of the other."""
 ATTEMPTS, FIRST_WITH_MANY_STARTS = 4, 2
 """Number of attempts, with the usual and with a rough surface in turn; those from this one on are multi-start
 searches, and only made if the line of action is known."""
@@ -71,9 +76,8 @@ def locate_contacts(
         link_probability[:] = 0.0
         return 0
     place_primitives(surfaces, depth, motion, frames)
-    line_of_action_known = wrench_measured and _is_line_of_action_known(
-        hypotheses.wrench[link], hypotheses.covariance[link], motion.origin[depth[link]]
-    )
+    accuracy = line_accuracy(searched, depth, motion, hypotheses, link) if wrench_measured else UNKNOWN
+    along_line = accuracy != UNKNOWN
     with_prior = with_link_prior(hypotheses, prior, cells)
     lowest_energy = with_prior.energy[_best_link(searched, 1, with_prior)]
     other_link = _best_link(touchable, 0, hypotheses)
@@ -89,7 +93,7 @@ def locate_contacts(
     # Each attempt assumes or searches more than the one before, which has explained nothing.
     for attempt in range(ATTEMPTS):
         has_many_starts, is_rough = attempt >= FIRST_WITH_MANY_STARTS, attempt % 2 == 1
-        if has_many_starts and not line_of_action_known:
+        if has_many_starts and not along_line:
             break
         log_share = math.log(ROUGH_SURFACE_PROBABILITY) if is_rough else 0.0
         if _is_hopeless(lowest_energy, log_share, none_evidence):
@@ -100,18 +104,20 @@ def locate_contacts(
             with_surface(prior, prior.friction_ratio, surface_deviation),
         )  # fmt: skip
         competing_evidence = none_evidence - log_share
-        if line_of_action_known:
+        if along_line:
             cells.unassigned_evidence[:] = -math.inf
-        if has_many_starts:
-            count = search_from_samples(assumed, arrays, competing_evidence)
-        elif line_of_action_known:
-            count = search_along_line_of_action(assumed, arrays, competing_evidence)
-        else:
+            if has_many_starts:
+                count = search_from_samples(assumed, arrays, competing_evidence)
+            else:
+                most = surfaces.kind.shape[0] if accuracy == KNOWN else FEW_PRIMITIVES
+                count = search_along_line_of_action(assumed, arrays, competing_evidence, most)
+                along_line = count >= 0
+        if not along_line:
             count = search_surface(assumed, arrays, competing_evidence)
         best = _add_log_prior(candidates, count, cells.unassigned_evidence, log_share)
         if best >= none_evidence or is_touch_left_out:
             break
-    if line_of_action_known and has_unmodelled_places:
+    if along_line and has_unmodelled_places:
         count = add_unmodelled_places(problem, arrays, none_evidence, best, count)
     ranked: int = _rank(
         surfaces,
@@ -173,16 +179,6 @@ def _best_link(marks: np.ndarray, mark: int, hypotheses: Hypotheses) -> int:
         if marks[link] == mark and (best < 0 or hypotheses.energy[link] < hypotheses.energy[best]):
             best = link
     return best
-
-
-@fused_kernel
-def _is_line_of_action_known(w: np.ndarray, P: np.ndarray, o: np.ndarray) -> bool:
-    """Whether the line of action is known accurately near the point o."""
-    squared_force = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
-    return bool(
-        moment_variance(P, o[0], o[1], o[2])
-        < LINE_OF_ACTION_DEVIATION * LINE_OF_ACTION_DEVIATION * squared_force
-    )
 
 
 @fused_kernel

@@ -11,9 +11,10 @@ from typing import NamedTuple
 from contactsense.isolation.link_hypotheses import PRIOR_STD
 from contactsense.kinematics.linalg.ldl import invert_spd
 from contactsense.localization.candidates.candidate_buffers import Candidates
+from contactsense.localization.line_accuracy import LINE_OF_ACTION_DEVIATION
 from contactsense.localization.problem.searched_surface import SearchArrays
 from contactsense.localization.problem.single_contact_problem import SingleContactProblem
-from contactsense.localization.ranking import LINE_OF_ACTION_DEVIATION, locate_contacts
+from contactsense.localization.ranking import locate_contacts
 from contactsense.multi_contact.likelihood.link_information import fill_link_information
 from contactsense.multi_contact.memory.buffers import Measurement, SeedingBuffers
 from contactsense.robots.jit.kernel import fused_kernel

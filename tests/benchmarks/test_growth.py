@@ -51,7 +51,7 @@ def test_the_power_is_found_and_drawn(tmp_path: Path) -> None:
 
 def test_a_part_without_samples_is_left_empty() -> None:
     out = io.StringIO()
-    parts = Parts("ur5e", "torques", NOISE, 2.5, 0.0, float("nan"), 100.0, 102.5)
+    parts = Parts("ur5e", "torques", NOISE, 2.5, 0.0, 0.0, float("nan"), float("nan"), 100.0, 102.5)
     Console(file=out, width=118).print(parts_table([parts]))
     assert "102.5" in out.getvalue()
     assert "nan" not in out.getvalue()

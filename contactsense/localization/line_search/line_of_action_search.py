@@ -52,7 +52,7 @@ from contactsense.solvers.posterior.simd import (
 
 @fused_kernel
 def search_along_line_of_action(
-    problem: SingleContactProblem, arrays: SearchArrays, competing_evidence: float
+    problem: SingleContactProblem, arrays: SearchArrays, competing_evidence: float, most_primitives: int
 ) -> int:
     """Find the most probable contact on each primitive near the line of action, conditioned on being
     accessible; row p is for primitive p.
@@ -62,14 +62,17 @@ def search_along_line_of_action(
         arrays: With the body frames of the primitives; `candidates` is filled.
         competing_evidence: Log evidence of what else explains the measurement: primitives whose bound is
             hopeless beside it are not searched.
+        most_primitives: Nothing is searched if the line may well enter more primitives than this.
 
     Returns:
-        Number of rows in `order`. The `score` of rejected rows is -infinity.
+        Number of rows in `order`; -1 if nothing is searched. The `score` of rejected rows is -infinity.
     """
     surface, searched = placed_surface(problem.scene, arrays), problem.searched
     hypotheses, prior = problem.hypotheses, problem.prior
     block, candidates = arrays.buffers.block, arrays.candidates
-    lowest_bound = bound_energies(surface, searched, hypotheses, prior, candidates)
+    lowest_bound = bound_energies(surface, searched, hypotheses, prior, candidates, most_primitives)
+    if lowest_bound == -math.inf:
+        return -1
     best = math.inf, -math.inf
     count, begun = 0, 0
     # First the primitives that the line may well enter: they set a limit that excludes most of the others.
@@ -100,22 +103,29 @@ def bound_energies(
     hypotheses: Hypotheses,
     prior: Prior,
     candidates: Candidates,
+    most_primitives: int,
 ) -> float:
-    """Lower bounds of the energies on all primitives, by the spheres about them, written to `bound`;
-    returns the lowest one.
+    """Lower bounds of the energies on all primitives, by the spheres about them, written to `bound`.
 
     Args:
         surface: Where contacts may be.
         searched, hypotheses, prior: As in
             `contactsense.localization.problem.single_contact_problem.SingleContactProblem`.
         candidates: `bound` is filled, and `spheres` is scratch.
+        most_primitives: As for `search_along_line_of_action`.
+
+    Returns:
+        The lowest one; -infinity, and not all are written, if more primitives than that have low ones.
     """
     lowest, spheres, surfaces = math.inf, candidates.spheres, surface.surfaces
-    least_energy = math.inf
+    least_energy, best_link = math.inf, 0
     for link in range(searched.shape[0]):
-        if searched[link]:
-            least_energy = min(least_energy, hypotheses.energy[link])
-    for link in range(searched.shape[0]):
+        if searched[link] and hypotheses.energy[link] < least_energy:
+            least_energy, best_link = hypotheses.energy[link], link
+    near, links = 0, searched.shape[0]
+    for k in range(links):
+        # The best link first: its primitives are soon too many.
+        link = (best_link + k) % links
         w, energy = hypotheses.wrench[link], hypotheses.energy[link]
         squared_force = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
         last = surfaces.start[link + 1]
@@ -134,6 +144,9 @@ def bound_energies(
                 bound = energy + spheres[SHIFT_ENERGY + p - first]
                 candidates.bound[p] = bound
                 lowest = min(lowest, bound)
+                near += 1 if bound <= least_energy + ENERGY_CUTOFF else 0
+            if near > most_primitives:
+                return -math.inf
     return lowest
 
 

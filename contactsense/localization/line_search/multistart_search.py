@@ -81,7 +81,8 @@ def search_from_samples(
     scene, hypotheses, prior = problem.scene, problem.hypotheses, problem.prior
     surfaces, samples, searched = scene.surfaces, scene.samples, problem.searched
     cells, candidates, frames = arrays.cells, arrays.candidates, arrays.frames
-    bound_energies(placed_surface(scene, arrays), searched, hypotheses, prior, candidates)
+    surface, primitives = placed_surface(scene, arrays), scene.surfaces.kind.shape[0]
+    bound_energies(surface, searched, hypotheses, prior, candidates, primitives)
     count, waiting, best = 0, 0, competing_evidence
     for row in range(candidates.order.shape[0]):
         candidates.order[row] = row

@@ -20,7 +20,7 @@ import math
 import numpy as np
 
 from contactsense.localization.candidates.accessibility import apply_accessibility
-from contactsense.localization.ranking import LINE_OF_ACTION_DEVIATION
+from contactsense.localization.line_accuracy import LINE_OF_ACTION_DEVIATION
 from contactsense.localization.surface.placed_surface import PlacedSurface
 from contactsense.localization.surface.primitive_frames import Frame
 from contactsense.multi_contact.explanations.pooled_places import bilinear_form

@@ -50,9 +50,10 @@ def test_without_noise_the_limit_is_the_truth() -> None:
 
 @pytest.mark.long
 def test_from_torques_alone_the_whole_contact_names_the_link_more_often() -> None:
-    every = rows("--level", "2", "--torques-alone", "--robot", "ur10e", "--draws", "1")["all"]
+    every = rows("--level", "2", "--torques-alone", "--robot", "ur10e", "--draws", "3")["all"]
     assert every["end"]["limit"]["median"] is None
     assert every["kept_live"] < 0.5 * every["answers"]
-    assert every["link_right"]["whole"] > every["link_right"]["live"] + 0.05
+    # At their end, live answers have averaged over much of the contact, too.
+    assert every["link_right"]["whole"] > max(every["link_right"]["live"], 0.85)
     assert every["end"]["whole"]["median"] < every["end"]["live"]["median"]
     assert every["covered_90"] >= 0.8

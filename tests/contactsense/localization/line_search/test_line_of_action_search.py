@@ -39,7 +39,7 @@ def localizer() -> Localizer:
 
 def _search(localizer: Localizer, competing_evidence: float = -math.inf) -> int:
     problem, arrays = latest_search(localizer)
-    found: int = search_along_line_of_action(problem, arrays, competing_evidence)
+    found: int = search_along_line_of_action(problem, arrays, competing_evidence, 1000)
     return found
 
 

@@ -28,7 +28,7 @@ def _best_scores(localizer: Localizer) -> tuple[float, float]:
     """Best log evidence of the latest measurement: along the line of action, and from many starts."""
     problem, arrays = latest_search(localizer)
     candidates = arrays.candidates
-    count = search_along_line_of_action(problem, arrays, -math.inf)
+    count = search_along_line_of_action(problem, arrays, -math.inf, 1000)
     along_line = float(candidates.score[candidates.order[:count]].max())
     count = search_from_samples(problem, arrays, -math.inf)
     rows = candidates.order[:count]
