@@ -31,17 +31,24 @@ def request(
     proxies = [urllib.request.ProxyHandler({})] if direct else []
     opener = urllib.request.build_opener(_NoRedirect, _HTTP(opened), _HTTPS(opened), *proxies)
     with TimeLimit(timeout, lambda: [connection.sock for connection in opened]) as limit:
+        late = f"no answer within {timeout:g} s"
         try:
-            outgoing = urllib.request.Request(url, body, dict(headers), method=method)
-            with opener.open(outgoing, timeout=timeout) as answer:
-                return int(answer.status)
-        except urllib.error.HTTPError as error:
-            with error:
-                return error.code
+            status = _status(opener, urllib.request.Request(url, body, dict(headers), method=method), timeout)
         # A ValueError: the URL cannot be requested as it is, such as one with letters that are not ASCII.
         except (OSError, http.client.HTTPException, ValueError) as error:
-            why = f"no answer within {timeout:g} s" if limit.expired else no_answer(error, timeout)
-            raise ActionError(why) from None
+            raise ActionError(late if limit.expired else no_answer(error, timeout)) from None
+        if limit.expired:  # header fields that are cut off count as complete
+            raise ActionError(late)
+        return status
+
+
+def _status(opener: urllib.request.OpenerDirector, outgoing: urllib.request.Request, timeout: float) -> int:
+    try:
+        with opener.open(outgoing, timeout=timeout) as answer:
+            return int(answer.status)
+    except urllib.error.HTTPError as error:
+        with error:
+            return error.code
 
 
 def no_answer(error: Exception, timeout: float) -> str:

@@ -43,14 +43,15 @@ def line_server(greeting: bytes, answers: bytes | None) -> Iterator[tuple[int, l
 
 
 @contextmanager
-def dripping(line: bytes) -> Iterator[int]:
-    """A server that sends `line` again and again, one byte every 20 ms; yields its port."""
+def dripping(line: bytes, begin: bytes = b"") -> Iterator[int]:
+    """A server that sends `begin`, then `line` again and again, one byte every 20 ms; yields its port."""
 
     def drip(listener: socket.socket) -> None:
         with suppress(OSError):
             while True:
                 peer, _ = listener.accept()
                 with peer, suppress(OSError):
+                    peer.sendall(begin)
                     for i in range(1000):
                         peer.sendall(line[i % len(line) :][:1])
                         time.sleep(0.02)

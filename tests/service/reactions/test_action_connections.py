@@ -48,6 +48,16 @@ def test_the_time_limit_is_for_the_whole_answer(action: Any, line: bytes) -> Non
         action.model_copy(update={"port": port}).perform(TOLD, HOST)
 
 
+@pytest.mark.parametrize("status", [b"200 OK", b"410 Gone"])
+def test_a_head_that_does_not_end_in_time_is_no_answer(status: bytes) -> None:
+    """Nothing is delivered, nor is a webhook disabled, by what was cut off."""
+    with (
+        dripping(b"X: x\r\n", b"HTTP/1.1 " + status + b"\r\n") as port,
+        pytest.raises(ActionError, match=r"no answer within 0\.2 s"),
+    ):
+        request(f"http://{HOST}:{port}/hook", "POST", b"", {}, 0.2)
+
+
 def test_a_slow_answer_within_the_time_limit_is_taken() -> None:
     with dripping(b"Connected\nStopped\n") as port:
         action = STOP.model_copy(update={"port": port, "timeout": 60.0})
