@@ -207,6 +207,19 @@ class LimitedWebSocket(_Guard, WebSocketsSansIOProtocol):
         super().connection_lost(exc)
         self.limits.opened = len(self.connections)
 
+    def send_receive_event_to_app(self) -> None:
+        """Pass on a message. One of text that is not UTF-8 ends the connection, as RFC 6455 asks; uvicorn
+        would log a traceback."""
+        if self.curr_msg_data_type == "text":
+            try:
+                b"".join(self.frames).decode()
+            except UnicodeDecodeError:
+                self.frames = []
+                self.conn.fail(1007, "expected text in UTF-8, got other bytes")
+                self.handle_parser_exception()
+                return
+        super().send_receive_event_to_app()
+
     async def send(self, message: Any) -> None:
         """Send a message. A refusal, once complete, is all that there will be: uvicorn would log each as an
         error of the application.
