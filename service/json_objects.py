@@ -3,6 +3,8 @@
 import json
 from typing import Any
 
+from contactsense.robots.files.integers import integer
+
 MOST_NAMES = 1000
 """Largest number of names in one object: to explain each unknown one takes time."""
 
@@ -28,7 +30,7 @@ def parse_json(text: str | bytes) -> Any:
         ObjectError: An object in it has a name twice, or more than `MOST_NAMES`.
         ValueError: It is no JSON.
     """
-    return json.loads(text, object_pairs_hook=_object)
+    return json.loads(text, object_pairs_hook=_object, parse_int=integer)
 
 
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -30,6 +30,7 @@ _WORDS = {
     "float_parsing": "expected a number",
     "int_type": "expected a whole number",
     "int_parsing": "expected a whole number",
+    "int_parsing_size": "expected a whole number of fewer digits",
     "int_from_float": "expected a whole number",
     "union_tag_invalid": "expected {discriminator} to be one of {expected_tags}, got {tag!r}",
     "union_tag_not_found": "expected the field {discriminator}",

@@ -10,6 +10,8 @@ from typing import Any
 
 import yaml
 
+from contactsense.robots.files.integers import integer
+
 _INTEGER, _FLOAT = "tag:yaml.org,2002:int", "tag:yaml.org,2002:float"
 _NUMBERS = {
     _INTEGER: r"[-+]?(0b[01_]+|0x[0-9a-fA-F_]+|[0-9][0-9_]*)",
@@ -42,9 +44,9 @@ class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[mi
         mapping: dict[Any, Any] = super().construct_mapping(node, deep)
         return mapping
 
-    def construct_yaml_int(self, node: yaml.ScalarNode) -> int:
+    def construct_yaml_int(self, node: yaml.ScalarNode) -> int | float:
         text = str(node.value).replace("_", "")
-        return int(super().construct_yaml_int(node)) if re.search("[bx]", text) else int(text)
+        return int(super().construct_yaml_int(node)) if re.search("[bx]", text) else integer(text)
 
     yaml_implicit_resolvers = {  # noqa: RUF012 (a name of PyYAML)
         first: [(tag, pattern) for tag, pattern in kinds if tag not in _NUMBERS]
@@ -119,7 +121,7 @@ def _parsed(text: str, name: str) -> Any:
         raise ValueError(f"{name}: {error}") from None
     except RecursionError:
         raise ValueError(f"{name}: nested too deeply") from None
-    except ValueError as error:  # a date that does not exist, a number of thousands of digits
+    except ValueError as error:  # a date that does not exist
         raise ValueError(f"{name}: not YAML: {error}") from None
 
 

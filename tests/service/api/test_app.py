@@ -200,6 +200,7 @@ GOOD = {"q": POSTURE, "base_wrench": ZERO6}
         (json.dumps({**GOOD, "contacts": 2}), "contacts", "expected at most 1, as the scene states, got 2"),
         (json.dumps({**GOOD, "external": "no"}), "external", "expected true or false, got 'no'"),
         (json.dumps({**GOOD, "wrist_wrench": ZERO6}), "wrist_wrench", "the scene has no such sensor"),
+        pytest.param('{"q": [' + 5000 * "1" + "]}", "q[0]", "expected a finite number, got inf", id="digits"),
         (json.dumps({"q": POSTURE}), "base_wrench", "got neither"),
         (json.dumps({"q": POSTURE, "wrist_wrench": ZERO6}), "wrist_wrench", "the scene has no such sensor"),
         (json.dumps({"base_wrench": ZERO6}), "q", "the field is missing"),
