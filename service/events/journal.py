@@ -23,7 +23,9 @@ from pydantic import BaseModel, ConfigDict, PositiveFloat
 
 from contactsense.robots.files.file_lock import AVAILABLE, lock
 from contactsense.service.events.clock_step import ClockStep
+from contactsense.service.events.file_check import FileCheck
 from contactsense.service.events.model import ContactEvent
+from contactsense.service.events.tables import SCHEMA
 
 COMMIT_EVERY = 0.5
 """Longest time between an event and its commit [s]."""
@@ -43,18 +45,6 @@ _LEAST_SPACE = 100_000
 """Space on the disk that opening the file takes, with what is beside it [bytes]."""
 _WAL_SIZE = 16_000_000
 """Size to which the write-ahead log is cut after a large change [bytes]."""
-_SCHEMA = """
-CREATE TABLE IF NOT EXISTS events
-    (id INTEGER PRIMARY KEY, kind TEXT NOT NULL, stored REAL NOT NULL, body TEXT NOT NULL);
-CREATE INDEX IF NOT EXISTS events_by_kind ON events (kind, id);
-CREATE TABLE IF NOT EXISTS numbers (name TEXT PRIMARY KEY, value INTEGER NOT NULL);
-CREATE TABLE IF NOT EXISTS deliveries
-    (id INTEGER PRIMARY KEY AUTOINCREMENT, action TEXT NOT NULL, webhook_id TEXT NOT NULL, body TEXT NOT NULL,
-     attempts INTEGER NOT NULL DEFAULT 0, due REAL NOT NULL);
-CREATE TABLE IF NOT EXISTS latches (rule TEXT PRIMARY KEY, body TEXT NOT NULL);
-CREATE TABLE IF NOT EXISTS lowered (fraction REAL NOT NULL);
-CREATE TABLE IF NOT EXISTS disabled (action TEXT PRIMARY KEY, url TEXT NOT NULL, reason TEXT NOT NULL);
-"""
 _RECOVERY = (
     ": while no service runs, move the file away, with the latched collisions in it, or save what can be "
     "read: sqlite3 FILE .recover | sqlite3 NEW"
@@ -123,7 +113,7 @@ class Journal:
             self._database.execute("PRAGMA journal_mode=WAL")
             self._database.execute("PRAGMA synchronous=NORMAL")
             self._database.execute(f"PRAGMA journal_size_limit={_WAL_SIZE}")
-            self._database.executescript(_SCHEMA)
+            self._database.executescript(SCHEMA)
             self._file = None if place is None else place.stat()
             self._last = self._reserved = self._first = self._read_last()
             self._reserve(self._last + _BLOCK)
@@ -143,6 +133,7 @@ class Journal:
         self._not_written, self._unreadable, self._not_removed, self._elsewhere = "", "", "", ""
         self._writer = threading.Thread(target=self._write, name="event journal", daemon=True)
         self._writer.start()
+        self._check = None if place is None else FileCheck(place, self.unreadable)
 
     @property
     def error(self) -> str:
@@ -317,6 +308,8 @@ class Journal:
         """Commit and close."""
         self._closing.set()
         self._writer.join(5.0)
+        if self._check is not None:
+            self._check.close()
         with self.lock:
             self.flush()
             self._reserve(self._last)

@@ -230,6 +230,22 @@ def test_what_is_damaged_in_the_file_is_told_and_new_events_are_read(tmp_path: P
         assert journal.since(begin + 2) == []
 
 
+def test_damage_that_nobody_has_read_is_told_soon_after_the_start(tmp_path: Path) -> None:
+    with Journal(JournalSettings(path=damaged_journal(tmp_path))) as journal:
+        assert until(lambda: journal.error)
+        assert "j.db: the journal cannot be read: database disk image is malformed: " in journal.error
+        assert contacts(journal.since(journal.append(event(5)).id - 1)) == [5]
+
+
+def test_the_check_of_the_file_ends_with_the_journal(tmp_path: Path) -> None:
+    """Otherwise events would stay in the log beside the file."""
+    for _ in range(20):
+        with Journal(JournalSettings(path=tmp_path / "j.db")) as journal:
+            journal.append(event(1))
+        assert not journal.error
+        assert sorted(file.name for file in tmp_path.iterdir()) == ["j.db", "j.db-lock"]
+
+
 def test_a_file_that_is_too_damaged_to_be_opened_is_told_with_what_helps(tmp_path: Path) -> None:
     path = damaged_journal(tmp_path)
     with path.open("r+b") as file:

@@ -1,0 +1,39 @@
+"""A check of the journal's whole file, so that damage is known before somebody needs what is damaged."""
+
+import sqlite3
+import threading
+from collections.abc import Callable
+from contextlib import closing, suppress
+from pathlib import Path
+
+_STEPS = 1000
+"""Instructions of SQLite between two looks at whether to end."""
+
+
+class FileCheck:
+    """Reads the file of a database once, in a thread of its own: with a slow disk this takes seconds.
+
+    Args:
+        path: The file.
+        on_damage: Called from the thread if something in the file is damaged, with what SQLite calls it.
+    """
+
+    def __init__(self, path: Path, on_damage: Callable[[str], object]) -> None:
+        self._path, self._on_damage = path, on_damage
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._check, name="journal check", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """End: as long as this connection is open, SQLite's files beside the database stay."""
+        self._ending.set()
+        self._thread.join(5.0)
+
+    def _check(self) -> None:
+        place = f"{self._path.absolute().as_uri()}?mode=ro"
+        # It has been ended, or the file has just been removed, which the journal notices itself.
+        with suppress(sqlite3.Error), closing(sqlite3.connect(place, uri=True)) as database:
+            database.set_progress_handler(self._ending.is_set, _STEPS)
+            (found,) = database.execute("PRAGMA quick_check(1)").fetchone()
+            if found != "ok":
+                self._on_damage("database disk image is malformed")
