@@ -214,7 +214,6 @@ class Reactions:
         """Process a report of type `reactions` from the pipeline's process."""
         if report["started"]:  # a new process: restore the latched collisions
             self._send({"type": "restore", "decisions": self._latched, "lowered": self._lowered})
-            return
         # One that has not been told yet does not know what the process before has left.
         lowered = self._lowered if report["lowered"] is None and not report["restored"] else report["lowered"]
         if self._slider is None:  # of a process that still has the rules of before
@@ -250,7 +249,7 @@ class Reactions:
             link=decision["link"],
         )  # fmt: skip
 
-    def acknowledge(self, rule: str | None = None, by: str = "the service") -> bool:
+    def acknowledge(self, rule: str | None, by: str) -> bool:
         """Clear the latched collisions of all rules or of one; returns False if no pipeline runs."""
         return self._send({"type": "acknowledge", "rule": rule, "by": by})
 

@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+from typing import Any
 
 import pytest
 
@@ -92,11 +93,33 @@ def test_one_in_so_many() -> None:
         assert taken(reader) == [b"0", b"3", b"6"]
 
 
-def test_at_most_so_many_a_second() -> None:
+@pytest.mark.parametrize("rate", [30, 400])
+def test_at_most_so_many_a_second(rate: int) -> None:
+    """On average, though no interval is a multiple of the time between two messages."""
     hub = Hub()
-    with hub.subscribe(interval=1 / 30) as reader:
+    with hub.subscribe(interval=1.0 / rate) as reader:
         publish(hub, 500)
-        assert 30 <= len(taken(reader)) <= 31
+        assert rate <= len(taken(reader)) <= rate + 1
+
+
+@pytest.mark.parametrize("start", [-0.2, 0.0, 100.0])
+def test_the_first_message_is_due_and_one_that_is_nearly_due(start: float) -> None:
+    """Time stamps jitter."""
+    hub = Hub()
+    with hub.subscribe(interval=1.0) as reader:
+        for late in (0.0, 0.99, 0.996):
+            hub.publish(start + late, b"%d" % round(1000 * late))
+        assert taken(reader) == [b"0", b"996"]
+
+
+@pytest.mark.parametrize("chosen", [{"every": 3}, {"interval": 0.006}])
+def test_the_events_of_skipped_messages_come_with_the_next_one(chosen: dict[str, Any]) -> None:
+    hub = Hub()
+    with hub.subscribe(**chosen) as reader:
+        for i in range(7):
+            hub.add_event(b"%d" % i)
+            hub.publish(0.002 * i, b'{"events":[]}')
+        assert [json.loads(message)["events"] for message in taken(reader)] == [[0], [1, 2, 3], [4, 5, 6]]
 
 
 def test_a_clock_that_jumps_starts_afresh() -> None:

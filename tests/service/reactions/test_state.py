@@ -11,7 +11,7 @@ import pytest
 from contactsense.service.reactions import state
 from contactsense.service.reactions.actions.registers import RegistersAction
 from contactsense.service.reactions.actions.speed_slider import SpeedSliderAction
-from contactsense.service.reactions.rules import ReactionRules, RulesError
+from contactsense.service.reactions.rules import ReactionRules, RobotAddress, RulesError
 from contactsense.service.reactions.state import Reactions, ReactionSettings
 from tests.service.reactions.estimates import SCENE
 
@@ -23,8 +23,8 @@ SLOW = RULES.model_copy(
 )
 
 
-def latch(rule: str) -> dict[str, Any]:
-    return {"rule": rule, "level": "collision", "kind": "begin", "t": 1.0, "link": "forearm", "force": 60.0}
+def latch(rule: str, level: str = "collision", link: str = "forearm") -> dict[str, Any]:
+    return {"rule": rule, "level": level, "kind": "begin", "t": 1.0, "link": link, "force": 60.0}
 
 
 def report(
@@ -52,6 +52,29 @@ def test_latches_of_before_and_of_a_new_process_are_listed_once_each_until_it_ha
     reactions.handle_report(report(latch("new"), restored=True))
     assert [found.rule for found in reactions.latches] == ["new"]
     assert stored == [["old", "new"], ["new"]]
+
+
+def test_a_contact_level_is_active_and_not_latched() -> None:
+    sent: list[dict[str, Any]] = []
+    reactions = Reactions(RULES, None, lambda command: sent.append(command) or True)  # type: ignore[func-returns-value]
+    reactions.handle_report(report(latch("old", "contact"), latch("new"), restored=True))
+    assert (reactions.health().latched, [found.rule for found in reactions.latches]) == (1, ["new"])
+    assert [found["rule"] for found in reactions.out(SCENE).active] == ["old", "new"]
+    reactions.handle_report(report(restored=False, started=True))
+    assert sent == [{"type": "restore", "decisions": [latch("new")], "lowered": None}]
+    assert [found["rule"] for found in reactions.out(SCENE).active] == ["new"]
+
+
+def test_the_state_of_rules_and_actions_is_that_of_the_latest_report() -> None:
+    reactions = Reactions(with_actions(note={"type": "command", "command": ["true"]}), None, lambda _: True)
+    failing = {"note": {"type": "command", "state": "failing", "error": "exit status 1"}}
+    found = {**report(latch("new"), restored=True), "expected": ["insert"], "actions": failing}
+    reactions.handle_report(found)
+    out = reactions.out(SCENE)
+    assert [words.split(":")[0] for words in out.rules] == ["old", "new"]
+    assert list(out.does) == ["note"]
+    assert (out.status, out.expected, [each.rule for each in out.latched]) == ("failing", ["insert"], ["new"])
+    assert (out.actions["note"].error, out.actions) == ("exit status 1", reactions.health().actions)
 
 
 def test_a_new_process_is_told_that_the_one_before_has_lowered_the_slider() -> None:
@@ -108,6 +131,21 @@ def test_registers_that_a_reload_leaves_with_their_last_values_are_named(
     assert "input_int_register_46, input_double_register_47, input_bit_register_64" in caplog.text
 
 
+@pytest.mark.parametrize(
+    ("host", "port", "left"), [("192.0.2.2", 30004, True), (None, 30104, True), (None, 30004, False)]
+)
+def test_registers_of_another_controller_are_others(
+    host: str | None, port: int, left: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    def rules(host: str | None, port: int) -> ReactionRules:
+        given = with_actions(tell={"type": "registers"})
+        return given.model_copy(update={"robot": RobotAddress(host=host, rtde_port=port)})
+
+    reactions = Reactions(rules(None, 30004), "192.0.2.1", lambda _: True)
+    reactions.replace(rules(host, port))
+    assert ("input_int_register_47, " in caplog.text) == left
+
+
 def test_rules_that_vanish_are_reported(caplog: pytest.LogCaptureFixture) -> None:
     reactions = Reactions(RULES, None, lambda _: True)
     with caplog.at_level(logging.WARNING, "contactsense"):
@@ -154,6 +192,14 @@ def test_a_start_without_a_journal_says_what_becomes_of_the_slider(
     assert [text.startswith(told) for text in caplog.messages] == [True] * times
 
 
+def test_a_program_that_is_not_there_is_told_at_the_start(caplog: pytest.LogCaptureFixture) -> None:
+    note = {"type": "command", "command": ["/no/such/program"]}
+    Reactions(with_actions(note=note), None, lambda _: True)
+    (text,) = caplog.messages
+    assert text.startswith("reactions: action note: ")
+    assert "/no/such/program" in text
+
+
 @pytest.mark.parametrize(
     ("given", "scene", "beside", "found"),
     [
@@ -174,6 +220,21 @@ def test_rules_are_those_of_the_file_that_is_given_or_lies_beside_the_scene(
     settings = ReactionSettings(file=None if given is None else tmp_path / given)
     rules = settings.load(SCENE, None if scene is None else tmp_path / scene)
     assert (None if rules is None else rules.rules[0].name) == found
+
+
+def test_rules_in_use_are_named_and_groups_that_hide_a_link(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    file = tmp_path / "rules.yaml"
+    file.write_text(
+        "groups: {forearm: [upper_arm]}\nrules: [{name: arm, links: [forearm], contact: {force: 10}}]"
+    )
+    with caplog.at_level(logging.INFO, "contactsense"):
+        ReactionSettings(file=file).load(SCENE, None)
+    assert caplog.messages == [
+        "reactions: group forearm has the name of a link: in rules forearm stands for upper_arm",
+        f"reactions: rules of {file}: arm",
+    ]
 
 
 def with_actions(**actions: dict[str, Any]) -> ReactionRules:
@@ -222,15 +283,19 @@ def test_a_start_says_what_the_last_end_has_left(
     rules: ReactionRules | None, caplog: pytest.LogCaptureFixture
 ) -> None:
     reactions = Reactions(rules, "192.0.2.1", lambda _: True)
-    reactions.restore([latch("old")], 0.1)
+    reactions.restore([latch("old"), latch("new", link="")], 0.1)
     raised = "it is raised once no force acts, unless somebody has moved it"
     slider = raised if rules is SLOW else "no action raises it any more"
     assert caplog.messages == [
         f"the service ended with the speed slider at 10 %: {slider}",
-        *["rule old: the collision on forearm is still latched"] * (rules is not None),
+        *[
+            f"rule {name} is still latched"
+            for name in ("old: the collision on forearm", "new: the collision on the arm")
+            if rules is not None
+        ],
     ]
     assert reactions.health().lowered == (0.1 if rules is SLOW else None)
-    assert reactions.health().latched == (rules is not None)
+    assert reactions.health().latched == 2 * (rules is not None)
 
 
 def test_webhooks_that_fail_are_failing_until_one_is_delivered() -> None:
