@@ -180,17 +180,20 @@ def test_each_sensor_on_the_network_has_its_state() -> None:
         return WrenchHealth(state, error, received, lost, 0, 0, 0, 0, 0, 0, 1000.0, 0.001)
 
     health = SourceHealth(
-        StreamHealth(state="streaming", received=500),
+        StreamHealth(state="connecting", error="no answer", received=500),
         wrench("streaming", "", 499, 0),
         unusable=0,
         without_wrench=0,
-        links={"link_wrenches.elbow": wrench("waiting", "no answer", 7, 3)},
+        links={"link_wrenches.elbow": wrench("streaming", "no answer", 7, 3)},
     )
-    told = _as_message(health, ErrorTimes(lambda: "2026-01-01T00:00:00Z"))
+    times = ErrorTimes(map("2026-01-01T00:00:0{}Z".format, (1, 0)).__next__)
+    told = _as_message(health, times)
+    assert (told.connected, told.trouble) == (False, health.trouble_while_running)
+    assert told.robot.last_error_time == "2026-01-01T00:00:01Z"
     assert told.base_wrench is not None
-    assert told.base_wrench.received == 499
+    assert (told.base_wrench.received, told.base_wrench.last_error_time) == (499, None)
     elbow = told.link_wrenches["elbow"]
-    assert (elbow.state, elbow.received, elbow.lost) == ("waiting", 7, 3)
+    assert (elbow.state, elbow.received, elbow.lost) == ("streaming", 7, 3)
     assert (elbow.last_error, elbow.last_error_time) == ("no answer", "2026-01-01T00:00:00Z")
 
 
