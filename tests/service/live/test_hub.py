@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import time
 from typing import Any
 
 import pytest
@@ -24,6 +25,13 @@ def taken(reader: Reader) -> list[bytes]:
 def publish(hub: Hub, count: int, period: float = 0.002) -> None:
     for i in range(count):
         hub.publish(i * period, b"%d" % i)
+
+
+def test_the_hub_knows_when_the_latest_message_came() -> None:
+    hub, begin = Hub(), time.monotonic()
+    assert hub.last_arrival < 0.0  # long ago, however long the computer has been running
+    publish(hub, 1)
+    assert begin <= hub.last_arrival <= time.monotonic()
 
 
 def test_every_reader_gets_every_message() -> None:

@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -103,7 +104,8 @@ def waiting(journal: Journal) -> int:
     return int(number)
 
 
-def test_a_delivery_is_signed() -> None:
+def test_a_delivery_is_signed_and_has_the_time() -> None:
+    begin = datetime.now(UTC)
     with receiver(204) as server, Journal() as journal:
         told = deliver(
             journal, hook(server.server_port), 1, lambda d, t: waiting(journal) == 0 and len(t) == 1
@@ -113,6 +115,7 @@ def test_a_delivery_is_signed() -> None:
     content = json.loads(body)
     assert content["type"] == "collision.begin"
     assert content["data"] == DECISION
+    assert begin <= datetime.fromisoformat(content["timestamp"]) <= datetime.now(UTC)
     stamp = int(headers["webhook-timestamp"])
     expected = sign(decode_secret(SECRET), headers["webhook-id"], stamp, body)
     assert headers["webhook-signature"] == expected
@@ -125,6 +128,32 @@ def test_it_is_retried_with_the_same_id() -> None:
         assert len(ids) == 1
     assert [ok for ok, _ in told] == [False, False, True]
     assert "answered 500: tried again in about 0.05 s" in told[0][1]
+
+
+def test_each_delivery_has_an_id_of_its_own() -> None:
+    with receiver(204) as server, Journal() as journal:
+        deliver(journal, hook(server.server_port), 2, lambda d, t: len(t) == 2)
+        ids = {headers["webhook-id"] for headers, _ in server.heard}
+    assert len(ids) == 2
+    assert all(each.startswith("msg_") for each in ids)
+
+
+def test_a_delivery_is_tried_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not when the outbox is looked at next."""
+    monkeypatch.setattr(webhook_delivery, "_POLL", 60.0)
+    with receiver(204) as server, Journal() as journal:
+
+        async def scenario() -> None:
+            done = asyncio.Event()
+            webhooks = {"hook": hook(server.server_port)}
+            delivery = WebhookDelivery(journal, webhooks, lambda *_: done.set(), (0.0,))
+            delivery.start()
+            await asyncio.sleep(0.05)  # now it waits
+            delivery.enqueue("hook", DECISION)
+            await asyncio.wait_for(done.wait(), 20.0)
+            await delivery.stop()
+
+        asyncio.run(scenario())
 
 
 def test_it_is_given_up_in_the_end_and_a_redirection_is_no_success() -> None:
@@ -259,11 +288,12 @@ def test_a_webhook_that_is_gone_is_asked_again_where_its_url_has_changed() -> No
     assert told == [(True, "answered 200")]
 
 
-def test_a_receiver_that_is_overloaded_gets_twice_the_time() -> None:
+@pytest.mark.parametrize("overloaded", [429, 502, 504])
+def test_a_receiver_that_is_overloaded_gets_twice_the_time(overloaded: int) -> None:
     with Journal() as journal:
         delivery = WebhookDelivery(journal, {"hook": hook(1)}, lambda *_: None, (0.0, 1000.0))
         due = []
-        for number, status in ((1, 500), (2, 429)):
+        for number, status in ((1, 500), (2, overloaded)):
             delivery.enqueue("hook", DECISION)
             now = time.time()
             delivery._write_result("hook", number, 1, False, status)
@@ -286,17 +316,19 @@ def test_other_webhooks_take_the_place_of_those_before() -> None:
                 journal, before, lambda name, ok, reason, decision: told.append((name, ok)), (0.0,)
             )
             delivery.start()
-            await delivery.replace({"hook": hook(second.server_port)})
-            delivery.enqueue("gone", DECISION)
-            delivery.enqueue("hook", DECISION)
+            tasks = len(asyncio.all_tasks())
+            await delivery.replace({name: hook(second.server_port) for name in ("hook", "new")})
+            assert len(asyncio.all_tasks()) == tasks  # those of before have ended
+            for name in ("gone", "hook", "new"):
+                delivery.enqueue(name, DECISION)
             async with asyncio.timeout(20):
-                while not told:
+                while len(told) < 2:
                     await asyncio.sleep(0.01)
             await delivery.stop()
 
         asyncio.run(scenario())
-        assert told == [("hook", True)]
-        assert (len(first.heard), len(second.heard)) == (0, 1)
+        assert sorted(told) == [("hook", True), ("new", True)]
+        assert (len(first.heard), len(second.heard)) == (0, 2)
         assert waiting(journal) == 1
 
 

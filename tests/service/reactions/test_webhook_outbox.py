@@ -52,6 +52,7 @@ def test_beyond_its_limit_the_oldest_is_lost_and_told(monkeypatch: pytest.Monkey
         delivery.enqueue("other", {**DECISION, "n": -1})
         for n in range(5):
             delivery.enqueue("hook", {**DECISION, "n": n})
+            journal.database.execute("UPDATE deliveries SET due = due + 5 WHERE id = 2")  # it has failed
         assert told == [("lost, as 3 later ones wait", n) for n in (0, 1)]
         (count,) = journal.database.execute("SELECT count(*) FROM deliveries").fetchone()
         assert count == 4  # that of the other webhook, too
