@@ -95,3 +95,30 @@ def test_a_clock_that_was_set_back_while_the_service_was_away_delays_nothing_for
         asyncio.run(scenario(journal))
         (pause,) = pauses(journal)
         assert pause == pytest.approx(2.0 * 300.0 * (1.0 + webhook_delivery.JITTER), abs=10.0)  # the longest
+
+
+@pytest.mark.parametrize("jitter", [-webhook_delivery.JITTER, webhook_delivery.JITTER])
+@pytest.mark.parametrize("overloaded", [429, 502, 504])
+def test_a_receiver_that_is_overloaded_gets_twice_the_time(
+    overloaded: int, jitter: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each pause is varied, so that retries of many senders do not coincide."""
+    monkeypatch.setattr(webhook_delivery.random, "uniform", lambda low, high: low if jitter < 0.0 else high)
+    with Journal() as journal:
+        delivery = outbox(journal)
+        for number, status in ((1, 500), (2, overloaded)):
+            delivery.enqueue("hook", DECISION)
+            delivery._write_result("hook", number, 2, False, status)
+        expected = [300.0 * (1.0 + jitter), 600.0 * (1.0 + jitter)]
+        assert pauses(journal) == pytest.approx(expected, abs=10.0)
+
+
+@pytest.mark.parametrize("step", [-3.0 * HOUR, 3.0 * HOUR])
+def test_a_pause_is_the_same_if_the_clock_is_set_during_the_attempt(step: float, set_clock: SetClock) -> None:
+    with Journal() as journal:
+        delivery = outbox(journal)
+        delivery.enqueue("hook", DECISION)
+        set_clock(step)
+        delivery._write_result("hook", 1, 2, False, 500)
+        assert delivery._next("hook") is None
+        assert pauses(journal) == [pytest.approx(300.0, rel=webhook_delivery.JITTER)]
