@@ -6,6 +6,8 @@ from collections.abc import Callable
 from contextlib import closing, suppress
 from pathlib import Path
 
+_PAUSE = 1.0
+"""Time before the check begins [s]: a journal may be opened for a moment only, to try whether it can be."""
 _STEPS = 1000
 """Instructions of SQLite between two looks at whether to end."""
 
@@ -30,6 +32,8 @@ class FileCheck:
         self._thread.join(5.0)
 
     def _check(self) -> None:
+        if self._ending.wait(_PAUSE):
+            return
         place = f"{self._path.absolute().as_uri()}?mode=ro"
         # It has been ended, or the file has just been removed, which the journal notices itself.
         with suppress(sqlite3.Error), closing(sqlite3.connect(place, uri=True)) as database:

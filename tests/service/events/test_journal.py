@@ -16,6 +16,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from contactsense.service.events import file_check
 from contactsense.service.events.journal import Journal, JournalError, JournalSettings
 from contactsense.service.events.model import ContactEvent
 from tests.service.events.damaged_journal import damaged_journal
@@ -230,15 +231,19 @@ def test_what_is_damaged_in_the_file_is_told_and_new_events_are_read(tmp_path: P
         assert journal.since(begin + 2) == []
 
 
-def test_damage_that_nobody_has_read_is_told_soon_after_the_start(tmp_path: Path) -> None:
+def test_damage_that_nobody_has_read_is_told_soon_after_the_start(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(file_check, "_PAUSE", 0.0)
     with Journal(JournalSettings(path=damaged_journal(tmp_path))) as journal:
         assert until(lambda: journal.error)
         assert "j.db: the journal cannot be read: database disk image is malformed: " in journal.error
         assert contacts(journal.since(journal.append(event(5)).id - 1)) == [5]
 
 
-def test_the_check_of_the_file_ends_with_the_journal(tmp_path: Path) -> None:
+def test_the_check_of_the_file_ends_with_the_journal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Otherwise events would stay in the log beside the file."""
+    monkeypatch.setattr(file_check, "_PAUSE", 0.0)
     for _ in range(20):
         with Journal(JournalSettings(path=tmp_path / "j.db")) as journal:
             journal.append(event(1))
