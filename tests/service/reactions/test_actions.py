@@ -45,6 +45,12 @@ def test_a_stop_program() -> None:
         (DashboardAction(type="dashboard", command="pause"), "dashboard: pause"),
         (PolyscopeXAction(type="polyscope_x", action="stop"), "PolyScope X: stop the program"),
         (
+            RegistersAction(
+                type="registers", force=None, contact=None, collision=None, degraded=None, period=0.05
+            ),
+            "write input_int_register_47, input_bit_register_64 (heartbeat every 50 ms)",
+        ),
+        (
             StopProgramAction(type="stop_program", interface="realtime"),
             "replace the robot's program by stopj(8), sent to port 30003",
         ),
