@@ -50,6 +50,7 @@ def test_a_contact_a_collision_and_an_acknowledgement(play: Play) -> None:
     play.listener.command({"type": "acknowledge", "rule": None, "by": "a test", "id": "7"})
     play.until(lambda: play.code() == 0)
     assert [event["reason"] for event in play.events("acknowledged")] == ["by a test"]
+    assert len(play.events("collision")) == 1
     assert any(r.get("answer") == "7" and not r["active"] for r in play.reports)
 
 

@@ -4,6 +4,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+import pytest
+
 from contactsense.service.reactions.listener import ReactionListener
 from contactsense.service.reactions.rules import ReactionRules
 from tests.service.loopback import rtde_server
@@ -45,4 +47,17 @@ def test_rules_that_need_no_inputs_open_no_connection() -> None:
     rules = {"rules": [{"name": "arm", "links": ["any"], "collision": {"force": 50.0}}]}
     listener = ReactionListener(ReactionRules.model_validate(rules), SCENE, "127.0.0.1")
     assert listener._inputs is None
+    listener.close()
+
+
+@pytest.mark.parametrize(("given", "port"), [({}, 30004), ({"rtde_port": 30104}, 30104)])
+def test_the_port_is_that_of_rtde_unless_the_rules_name_another(given: dict[str, int], port: int) -> None:
+    rules = {
+        "robot": {"host": "192.0.2.1", **given},
+        "inputs": {"acknowledge": "output_bit_register_70"},
+        "rules": [{"name": "arm", "links": ["any"], "collision": {"force": 50.0}}],
+    }
+    listener = ReactionListener(ReactionRules.model_validate(rules), SCENE, "192.0.2.1")
+    assert listener._inputs is not None
+    assert listener._inputs._port == port
     listener.close()

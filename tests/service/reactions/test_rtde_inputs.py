@@ -141,6 +141,8 @@ def test_a_write_on_a_connection_that_was_reset_is_told_to_be_none() -> None:
         assert not inputs.write("a", [6])
         assert "Connection reset by peer" in inputs.error
         assert not inputs.can_write("a")
+        inputs.poll(time.monotonic() + 1.1)
+        assert inputs._socket is not None  # it is tried again
 
 
 def test_a_controller_that_does_not_read_is_told_and_left() -> None:
