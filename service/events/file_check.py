@@ -3,7 +3,7 @@
 import sqlite3
 import threading
 from collections.abc import Callable
-from contextlib import closing, suppress
+from contextlib import closing
 from pathlib import Path
 
 _PAUSE = 1.0
@@ -17,7 +17,8 @@ class FileCheck:
 
     Args:
         path: The file.
-        on_damage: Called from the thread if something in the file is damaged, with what SQLite calls it.
+        on_damage: Called from the thread if something in the file is damaged or cannot be read, with what
+            SQLite calls it.
     """
 
     def __init__(self, path: Path, on_damage: Callable[[str], object]) -> None:
@@ -35,9 +36,14 @@ class FileCheck:
         if self._ending.wait(_PAUSE):
             return
         place = f"{self._path.absolute().as_uri()}?mode=ro"
-        # It has been ended, or the file has just been removed, which the journal notices itself.
-        with suppress(sqlite3.Error), closing(sqlite3.connect(place, uri=True)) as database:
-            database.set_progress_handler(self._ending.is_set, _STEPS)
-            (found,) = database.execute("PRAGMA quick_check(1)").fetchone()
-            if found != "ok":
-                self._on_damage("database disk image is malformed")
+        try:
+            with closing(sqlite3.connect(place, uri=True)) as database:
+                database.set_progress_handler(self._ending.is_set, _STEPS)
+                (found,) = database.execute("PRAGMA quick_check(1)").fetchone()
+        except sqlite3.Error as error:
+            # Else it has been ended, or the file has just been removed, which the journal notices itself.
+            if error.sqlite_errorcode & 0xFF == sqlite3.SQLITE_IOERR:
+                self._on_damage(str(error))
+            return
+        if found != "ok":
+            self._on_damage("database disk image is malformed")

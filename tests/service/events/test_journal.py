@@ -17,6 +17,7 @@ from types import SimpleNamespace
 import pytest
 
 from contactsense.service.events import file_check
+from contactsense.service.events.file_check import FileCheck
 from contactsense.service.events.journal import Journal, JournalError, JournalSettings
 from contactsense.service.events.model import ContactEvent
 from tests.service.events.damaged_journal import damaged_journal
@@ -239,6 +240,32 @@ def test_damage_that_nobody_has_read_is_told_soon_after_the_start(
         assert until(lambda: journal.error)
         assert "j.db: the journal cannot be read: database disk image is malformed: " in journal.error
         assert contacts(journal.since(journal.append(event(5)).id - 1)) == [5]
+
+
+@pytest.mark.parametrize(
+    ("code", "text", "told"),
+    [
+        (sqlite3.SQLITE_IOERR_READ, "disk I/O error", ["disk I/O error"]),
+        (sqlite3.SQLITE_INTERRUPT, "interrupted", []),
+        (sqlite3.SQLITE_CANTOPEN, "unable to open database file", []),
+    ],
+)
+def test_a_file_that_the_disk_cannot_read_is_damaged(
+    code: int, text: str, told: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One that is gone is not: the journal says so itself."""
+
+    def fail(*_: object, **__: object) -> None:
+        error = sqlite3.OperationalError(text)
+        error.sqlite_errorcode = code
+        raise error
+
+    monkeypatch.setattr(file_check, "_PAUSE", 0.0)
+    monkeypatch.setattr(sqlite3, "connect", fail)
+    found: list[str] = []
+    check = FileCheck(tmp_path / "j.db", found.append)
+    check._thread.join(20.0)
+    assert found == told
 
 
 def test_the_check_of_the_file_ends_with_the_journal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
