@@ -101,14 +101,12 @@ class RtdeInputs:
         self._socket, self._connected = None, False
         self._granted, self._output, self._asked = {}, None, []
         self.values.clear()  # what they are after the next connection is not known
-        # The next connection asks for all recipes.
-        self.refused, self._ask_again_at = {}, float("inf")
+        self.refused = {}  # the next connection asks for all recipes
 
     def _connect(self, now: float) -> None:
         address = self._host.address()
         if address is None:  # it is still being looked up
             return
-        self._retry_at = now + _RETRY
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         self._socket.setblocking(False)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

@@ -61,7 +61,10 @@ def test_what_is_written_is_done() -> None:
         made = Play(server, rules(**WRITTEN))
         try:
             made.until(lambda: made.slider_is_read() and made.code() == 0)
-            assert results(hit(made.listener)) == {"tell": "done", "slow": "done: set to 10 %"}
+            reports = hit(made.listener)
+            assert results(reports) == {"tell": "done", "slow": "done: set to 10 %"}
+            (state,) = (report for report in reports if report["type"] == "reactions")
+            assert [action["started"] for action in state["actions"].values()] == [1, 1]
         finally:
             made.listener.close()
 
@@ -81,3 +84,12 @@ def test_what_cannot_be_written_is_told_with_what_is_wrong_with_the_connection()
     why = f"failed: RTDE inputs of the robot at 127.0.0.1:{port}: cannot be reached: Connection refused"
     assert results(hit(listener)) == {"tell": why, "slow": why}
     listener.close()
+
+
+def test_what_cannot_be_written_as_nobody_answers_yet_is_told() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as mute:
+        given = {**rules(**WRITTEN), "robot": {"rtde_port": mute.getsockname()[1]}}
+        listener = ReactionListener(ReactionRules.model_validate(given), SCENE, "127.0.0.1")
+        listener.command({"type": "restore", "decisions": []})
+        assert results(hit(listener)) == {"tell": "failed: not connected", "slow": "failed: not connected"}
+        listener.close()

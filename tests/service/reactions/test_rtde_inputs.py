@@ -247,3 +247,22 @@ def test_a_recipe_that_was_refused_is_asked_for_once_by_the_next_connection() ->
         assert second.ready
         assert not second.refused
     second.close()
+
+
+def test_answers_are_those_of_this_connection() -> None:
+    """The one before may have ended before it had all of them."""
+    recipes = {"a": ["input_int_register_47"], "b": ["input_double_register_47"]}
+    granted = wire.SetupReply(True, 7, ("INT32",)), wire.SetupReply(True, 8, ("DOUBLE",))
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        inputs = RtdeInputs("127.0.0.1", server.getsockname()[1], recipes)
+        inputs.poll(time.monotonic())
+        with server.accept()[0] as connection:
+            Controller(connection).answer(wire.ProtocolVersionReply(True), granted[0])
+            poll_until(inputs, lambda: inputs.can_write("a"))
+        poll_until(inputs, lambda: bool(inputs.error))
+        inputs.poll(time.monotonic() + 1.1)
+        with server.accept()[0] as connection:
+            Controller(connection).answer(wire.ProtocolVersionReply(True), *granted)
+            poll_until(inputs, lambda: len(inputs._granted) == 2)
+            assert {name: recipe.recipe_id for name, recipe in inputs._granted.items()} == {"a": 7, "b": 8}
+        inputs.close()
