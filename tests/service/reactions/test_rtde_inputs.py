@@ -4,7 +4,7 @@ import socket
 import struct
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from typing import Any
 
 import pytest
@@ -50,6 +50,32 @@ def test_a_mute_controller_blocks_nobody() -> None:
         inputs.poll(heard + 2.1)
         assert "no answer in time" in inputs.error
         inputs.close()
+
+
+def test_the_time_for_an_answer_begins_once_the_connection_is_open() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as mute:
+        inputs = RtdeInputs("127.0.0.1", mute.getsockname()[1], {"a": ["input_int_register_47"]})
+        for now in (1000.0, 1001.9, 1003.8):  # begun, open, waiting
+            inputs.poll(now)
+            assert inputs.error == ""
+        inputs.poll(1004.0)
+        assert inputs.error.endswith(": no answer in time")
+        inputs.close()
+
+
+def test_a_connection_that_does_not_open_is_given_up() -> None:
+    """As of a controller that is switched off: nobody refuses it."""
+    with socket.create_server(("127.0.0.1", 0), backlog=0) as full, ExitStack() as others:
+        for _ in range(3):
+            other = others.enter_context(socket.socket())
+            other.setblocking(False)
+            other.connect_ex(full.getsockname())
+        inputs = RtdeInputs("127.0.0.1", full.getsockname()[1], {"a": ["input_int_register_47"]})
+        for now in (1000.0, 1001.9):
+            inputs.poll(now)
+            assert (inputs.error, inputs._connected) == ("", False)
+        inputs.poll(1002.1)
+        assert inputs.error.endswith(": cannot be reached: no answer in time")
 
 
 class Controller:
@@ -136,6 +162,10 @@ def granted(inputs: RtdeInputs, controller: Controller) -> None:
 def test_a_write_on_a_connection_that_was_reset_is_told_to_be_none() -> None:
     with connected() as (inputs, controller):
         granted(inputs, controller)
+        assert inputs._socket is not None
+        assert inputs._socket.getsockopt(
+            socket.IPPROTO_TCP, socket.TCP_NODELAY
+        )  # registers are shown at once
         assert inputs.write("a", [5])
         controller.reset()
         assert not inputs.write("a", [6])
@@ -215,6 +245,12 @@ def test_a_name_that_cannot_be_resolved_is_told(host: str) -> None:
     assert f"RTDE inputs of the robot at {host}:30004: the name {host} cannot be resolved" in inputs.error
 
 
+def test_an_address_without_a_way_to_it_is_told_at_once() -> None:
+    inputs = RtdeInputs("255.255.255.255", 30004, {"a": ["input_int_register_47"]})
+    inputs.poll(time.monotonic())
+    assert inputs.error.endswith("255.255.255.255:30004: cannot be reached: Network is unreachable")
+
+
 def test_a_controller_that_has_moved_is_found_by_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
     address = "127.0.0.2"
 
@@ -259,6 +295,7 @@ def test_answers_are_those_of_this_connection() -> None:
         with server.accept()[0] as connection:
             Controller(connection).answer(wire.ProtocolVersionReply(True), granted[0])
             poll_until(inputs, lambda: inputs.can_write("a"))
+            connection.sendall(wire.encode(granted[1])[:5])
         poll_until(inputs, lambda: bool(inputs.error))
         inputs.poll(time.monotonic() + 1.1)
         with server.accept()[0] as connection:
