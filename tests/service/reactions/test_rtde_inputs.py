@@ -87,7 +87,15 @@ class Controller:
         self.requests: list[wire.Request] = []
 
     def answer(self, *replies: wire.Reply) -> None:
-        self._connection.sendall(b"".join(map(wire.encode, replies)))
+        self.send(b"".join(map(wire.encode, replies)))
+
+    def send(self, data: bytes) -> None:
+        self._connection.sendall(data)
+
+    def close(self) -> None:
+        """Close the connection when all that came has been read."""
+        self.setups()
+        self._connection.close()
 
     def reset(self) -> None:
         """Close the connection without a farewell."""
@@ -186,6 +194,33 @@ def test_a_controller_that_does_not_read_is_told_and_left() -> None:
             assert time.monotonic() < deadline
         assert "the controller does not read what is written" in inputs.error
         assert not inputs.can_write("a")
+
+
+def test_a_message_of_which_only_a_part_was_taken_is_told_to_be_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    with connected() as (inputs, controller):
+        granted(inputs, controller)
+        send = socket.socket.send
+        with monkeypatch.context() as patch:
+            patch.setattr(socket.socket, "send", lambda to, data: send(to, data[:3]))
+            assert not inputs.write("a", [5])
+        assert "the controller does not read what is written" in inputs.error
+
+
+def test_a_connection_that_the_controller_closes_is_told_at_once() -> None:
+    with connected() as (inputs, controller):
+        granted(inputs, controller)
+        controller.close()
+        poll_until(inputs, lambda: bool(inputs.error))
+        assert inputs.error.endswith(": the controller closed the connection")
+
+
+def test_data_before_their_recipe_are_left_out() -> None:
+    with connected() as (inputs, controller):
+        controller.send(struct.pack(">HBBd", 12, wire.DATA, 1, 0.5))
+        granted(inputs, controller)
+        assert not inputs.values
+        controller.send(struct.pack(">HBBd", 12, wire.DATA, 1, 0.5))
+        poll_until(inputs, lambda: inputs.values == {"timestamp": 0.5})
 
 
 def test_a_controller_that_falls_silent_is_told_and_left() -> None:
