@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from contactsense.service.reactions.rtde_inputs import RtdeInputs
+from contactsense.service.reactions.rtde_inputs import RtdeInputs, _advice
 from contactsense.service.wire import rtde as wire
 from tests.service.loopback import rtde_server
 from tests.service.reactions.listener_play import poll_until
@@ -154,6 +154,28 @@ def test_a_recipe_that_was_refused_is_asked_for_again_once_a_second() -> None:
         for _ in range(3):
             inputs.poll(begin + 3.1)
         assert (controller.setups(), inputs.error) == (2, "")
+
+
+OTHERS = (
+    "take others in the rules' file: int and double 24 to 47 (ur_rtde may use 24 and 42 to 46), "
+    "bits 64 to 127"
+)
+ONE_SLIDER = "there is only one speed slider: use registers and let the robot program slow down"
+
+
+@pytest.mark.parametrize(
+    ("not_found", "in_use", "advice"),
+    [
+        ([], ["input_bit_register_64"], ["IN_USE: another client writes input_bit_register_64", OTHERS]),
+        (["input_int_register_47"], [], ["the controller does not know input_int_register_47", OTHERS]),
+        ([], ["speed_slider_mask"], ["IN_USE: another client writes speed_slider_mask", ONE_SLIDER]),
+        (["a"], ["b", "c"], ["IN_USE: another client writes b, c", "the controller does not know a"]),
+    ],
+)
+def test_why_inputs_are_refused_and_what_to_do(
+    not_found: list[str], in_use: list[str], advice: list[str]
+) -> None:
+    assert _advice(wire.RtdeFieldError(not_found, in_use)) == "; ".join(advice)
 
 
 def granted(inputs: RtdeInputs, controller: Controller) -> None:
