@@ -214,6 +214,7 @@ class Reactions:
         """Process a report of type `reactions` from the pipeline's process."""
         if report["started"]:  # a new process: restore the latched collisions
             self._send({"type": "restore", "decisions": self._latched, "lowered": self._lowered})
+            return
         # One that has not been told yet does not know what the process before has left.
         lowered = self._lowered if report["lowered"] is None and not report["restored"] else report["lowered"]
         if self._slider is None:  # of a process that still has the rules of before

@@ -62,6 +62,7 @@ def test_a_contact_level_is_active_and_not_latched() -> None:
     assert [found["rule"] for found in reactions.out(SCENE).active] == ["old", "new"]
     reactions.handle_report(report(restored=False, started=True))
     assert sent == [{"type": "restore", "decisions": [latch("new")], "lowered": None}]
+    reactions.handle_report(report(restored=False))
     assert [found["rule"] for found in reactions.out(SCENE).active] == ["new"]
 
 
