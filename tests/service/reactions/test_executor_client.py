@@ -119,7 +119,8 @@ def alive(pid: int) -> bool:
 def running(tmp_path: Path) -> Iterator[tuple[ExecutorClient, int, int]]:
     """A client whose action runs: a program, with a child that it waits for."""
     note = tmp_path / "processes"
-    script = f"sleep 60 & echo $$ $! > '{note}.new'; mv '{note}.new' '{note}'; wait"
+    # It gets the decision once the executor has told the client that it runs.
+    script = f"cat > /dev/null; sleep 60 & echo $$ $! > '{note}.new'; mv '{note}.new' '{note}'; wait"
     action = CommandAction(type="command", command=("sh", "-c", script), timeout=60.0)
     client = ExecutorClient({"a": action}, HOST)
     try:
