@@ -130,7 +130,7 @@ def check(
     rest.sort(key=lambda item: order.index(item.line))
     return SetupCheck(
         (*wrong, *(rest if not unexplained else map(_undetermined, rest))),
-        residuals_of(now.residual, wrench_fields(scene)),
+        residuals_of(now, wrench_fields(scene)),
         unexplained,
         sum(part.seconds for part in parts),
         None if unexplained or wrong else base_offset(scene, fitter, now.setup),
@@ -205,8 +205,8 @@ def _wrong_line(fitter: Fitter, scene: Scene, stated: Setup, found: Explanation,
         proposed,
         text if text and text != proposed else remark,
         tuple(found.fit.std[shown.astype(bool)].tolist()),
-        residuals_of(before.residual, fields),
-        residuals_of(found.fit.residual, fields),
+        residuals_of(before, fields),
+        residuals_of(found.fit, fields),
         found.evidence(fitter, line),
         found.rivals[line],
     )

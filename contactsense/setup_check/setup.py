@@ -1,6 +1,6 @@
 """A setup: what a scene and the reading of its signals state, as numbers that predict the readings."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal, NamedTuple, Self
@@ -253,6 +253,12 @@ class Setup:
             rotation, place = self.flange[0] @ rotation, self.flange[0] @ place + self.flange[1]
         back = rotation.T
         return np.asarray(sensor.sign * sensor.order @ wrench_transform(back, -back @ place))
+
+    def per_unit(self, fields: Sequence[str]) -> np.ndarray:
+        """Size of 1 Nm or 1 N in the values as read, shape (C,): of the joint torques, then of six values of
+        each of the force/torque sensors in `fields`. 1 for a torque that is read as a constant."""
+        torques = np.where(self.gain == 0.0, 1.0, np.abs(self.gain))
+        return np.concatenate([torques, *(np.abs(self.sensors[field].order).sum(axis=1) for field in fields)])
 
     def with_sensor(self, field: str, **changes: Any) -> Self:
         """A copy in which one sensor differs."""

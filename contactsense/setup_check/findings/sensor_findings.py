@@ -1,6 +1,7 @@
 """What readings say of a force/torque sensor by themselves: its range, and the bias of one within the arm."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,9 +24,14 @@ def rms(values: np.ndarray) -> float | None:
     return float(np.sqrt(np.mean(values**2))) if np.isfinite(values).all() else None
 
 
-def residuals_of(r: np.ndarray, fields: Sequence[str]) -> Residuals:
-    """Root mean squares of residuals, shape (M, C), see `contactsense.setup_check.fit.fitter.Fit`; `fields`:
-    the force/torque sensors in the order of their channels."""
+def residuals_of(fit: Fit, fields: Sequence[str]) -> Residuals:
+    """Root mean squares of the residuals of a fit, in the units that its setup takes the values for.
+
+    Args:
+        fit: What remains, with the setup.
+        fields: The force/torque sensors in the order of their channels.
+    """
+    r = fit.residual / fit.setup.per_unit(fields)
     n = r.shape[1] - 6 * len(fields)
     parts = {}
     for i, field in enumerate(fields):
@@ -157,8 +163,8 @@ def _bias_finding(scene: Scene, fit: Fit, field: str, sensor: WrenchSensor) -> F
             line_value(line, right, scene)[0],
             "",
             spread,
-            residuals_of(before, fields),
-            residuals_of(fit.residual, fields),
+            residuals_of(replace(fit, residual=before), fields),
+            residuals_of(fit, fields),
         )
     verdict: Verdict = "cannot_tell" if (std > allowed).any() else "fits"
     remark = "not determined by this motion" if verdict == "cannot_tell" else ""

@@ -18,9 +18,11 @@ ARM_LEVER, _TOOL_LEVER = 0.5, 0.1
 
 
 def unexplained_signals(scene: Scene, fitter: Fitter, readings: Readings, now: Fit) -> tuple[str, ...]:
-    """Signals whose residual is large by every measure: their noise, their variation, and the arm."""
+    """Signals whose residual is large by every measure: their noise, their variation, and the arm. In Nm and
+    N, also where they are read in other units."""
     n, fields = len(scene.robot.joints), wrench_fields(scene)
-    rms = np.sqrt(np.mean(now.residual**2, axis=0))
+    per_unit = now.setup.per_unit(fields)
+    rms = np.sqrt(np.mean(now.residual**2, axis=0)) / per_unit
     scale = [torque_scales(scene.robot)]
     variation = np.full(len(rms), np.inf)
     if readings.torque is not None:
@@ -33,7 +35,7 @@ def unexplained_signals(scene: Scene, fitter: Fitter, readings: Readings, now: F
         if field in readings.wrenches:
             variation[n + 6 * i :][:6] = readings.wrenches[field].std(axis=0)
         names += [f"{label(field)} sensor's {what} {axis}" for what in ("force", "moment") for axis in "xyz"]
-    large = (rms > _NOISE_FACTOR * fitter.noise) & (rms > _SHARE * variation)
+    large = (rms > _NOISE_FACTOR * fitter.noise) & (rms > _SHARE * variation / per_unit)
     large &= rms > UNEXPLAINED_SHARE * np.concatenate(scale)
     units = ["Nm"] * n + (["N"] * 3 + ["Nm"] * 3) * len(fields)
     return tuple(f"{names[c]}: residual {rms[c]:.3g} {units[c]}" for c in np.flatnonzero(large))

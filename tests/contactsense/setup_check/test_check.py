@@ -253,9 +253,12 @@ def test_correlated_residuals_count_as_fewer_rows(correlation: float, independen
     np.testing.assert_allclose(fitter.effective, independent, rtol=0.05)
 
 
+@pytest.mark.parametrize("unit", [1.0, 1000.0])
 @pytest.mark.parametrize(("share", "told"), [(0.027, False), (0.033, True)])
-def test_a_residual_that_is_small_for_the_joint_is_no_unexplained_signal(share: float, told: bool) -> None:
-    """However far it is above the noise: 3 % of the joint's limit is what counts."""
+def test_a_residual_that_is_small_for_the_joint_is_no_unexplained_signal(
+    share: float, told: bool, unit: float
+) -> None:
+    """However far it is above the noise: 3 % of the joint's limit is what counts, also of torques in mNm."""
     case = right_setup("ur5e", 2, DRAWN)
     assert case.scene.joint_torque is not None
     quiet = case.scene.joint_torque.model_copy(update={"noise": 0.01})
@@ -264,9 +267,25 @@ def test_a_residual_that_is_small_for_the_joint_is_no_unexplained_signal(share: 
     fitter = Fitter(scene, MotionBases({"ur5e": scene}, [case.recording]), readings)
     fit = fitter.fit(Setup.of(scene))
     residual = np.zeros_like(fit.residual)
-    residual[:, 5] = share * scene.robot.joints[5].torque_limit
-    found = unexplained_signals(scene, fitter, readings, replace(fit, residual=residual))
+    residual[:, 5] = unit * share * scene.robot.joints[5].torque_limit
+    scaled = replace(fit, residual=residual, setup=replace(fit.setup, gain=unit * fit.setup.gain))
+    found = unexplained_signals(scene, fitter, readings, scaled)
     assert bool(found) == told
+
+
+@pytest.mark.slow
+def test_what_remains_is_told_in_the_units_that_are_found() -> None:
+    case = right_setup("ur5e", 2, DRAWN)
+    torque, reading = case.recording.torque, case.recording.reading
+    assert torque is not None
+    assert reading is not None
+    right = check(case.scene, [case.recording]).residuals
+    scales = np.repeat([1.0, 1000.0], 3)
+    found = check(case.scene, [replace(case.recording, torque=1000.0 * torque, reading=scales * reading)])
+    assert {item.line for item in found.wrong} == {"joint_torque.torque_constants", "base wrench: scale"}
+    assert not found.unexplained
+    assert found.residuals.torque == pytest.approx(right.torque, rel=0.05)
+    assert found.residuals.moment == pytest.approx(right.moment, rel=0.05)
 
 
 @pytest.mark.long
