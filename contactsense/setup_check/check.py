@@ -45,7 +45,7 @@ from contactsense.setup_check.lines import (
     torque_lines,
     wrench_fields,
 )
-from contactsense.setup_check.result import FITS_BETTER, Finding, SetupCheck, Verdict
+from contactsense.setup_check.result import FITS_BETTER, NOT_RECORDED, Finding, SetupCheck, Verdict
 from contactsense.setup_check.search.candidate import Candidate
 from contactsense.setup_check.search.change import groups
 from contactsense.setup_check.search.changes import matters, tolerance
@@ -178,6 +178,8 @@ def _silent_joints(fitter: Fitter, now: Fit, candidates: list[Candidate]) -> str
 
 def _undetermined(found: Finding) -> Finding:
     """The finding where readings remain that nothing explains: no line can be said to fit."""
+    if found.remark == NOT_RECORDED:
+        return found
     return replace(found, verdict="cannot_tell", remark="the readings are not explained")
 
 
@@ -225,7 +227,7 @@ def _not_recorded(
             line,
             "cannot_tell",
             line_value(line, setup, scene)[0],
-            remark=unusable.get(sensor_of(scene, line) or "joint_torque", "not recorded"),
+            remark=unusable.get(sensor_of(scene, line) or "joint_torque", NOT_RECORDED),
         )
         for line in found
     ]

@@ -12,6 +12,9 @@ FITS_BETTER = "another value fits better, though not clearly"
 """Begins the remark on an undetermined line of which another value fits better, by less than is needed to
 propose it; the value follows."""
 
+NOT_RECORDED = "not recorded"
+"""Remark on a line of a sensor that the recordings lack."""
+
 
 @dataclass(frozen=True)
 class WrenchResidual:

@@ -24,7 +24,7 @@ def with_all_sensors(scene: Scene, recordings: list[FreeMotion]) -> list[FreeMot
     Raises:
         CheckError: None has them all.
     """
-    there = [_sensors(scene, part) for part in recordings]
+    there = [sensors_in(scene, part) for part in recordings]
     every = frozenset[str]().union(*there)
     found = [part for part, own in zip(recordings, there, strict=True) if own == every]
     if recordings and not found:
@@ -35,7 +35,7 @@ def with_all_sensors(scene: Scene, recordings: list[FreeMotion]) -> list[FreeMot
     return found
 
 
-def _sensors(scene: Scene, part: FreeMotion) -> frozenset[str]:
+def sensors_in(scene: Scene, part: FreeMotion) -> frozenset[str]:
     """Fields of the scene's sensors that a recording has."""
     known = {"joint_torque": scene.joint_torque, "base_wrench": scene.base_wrench, **scene.link_sensors}
     own = part.readings.keys() | ({"joint_torque"} if part.torque is not None else set())

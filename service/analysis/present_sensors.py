@@ -4,8 +4,6 @@ A sensor that is silent throughout would make every estimate `degraded`, nothing
 and contacts would not be estimated from all of their samples.
 """
 
-import numpy as np
-
 from contactsense.scene import Scene
 from contactsense.service.recordings import Recording, RecordingFile
 
@@ -36,15 +34,10 @@ def silent_sensors(recording: Recording | RecordingFile, scene: Scene) -> frozen
     silent = set(there)
     # Whoever is heard in the first block, as usual, is not looked for any further.
     for block in [recording] if isinstance(recording, Recording) else recording.blocks():
-        silent -= {field for field, values in _readings(block) if np.isfinite(values).all(axis=1).any()}
+        silent -= block.heard
         if not silent:
             break
     return frozenset(silent) if silent < there else frozenset()
-
-
-def _readings(block: Recording) -> list[tuple[str, np.ndarray]]:
-    signals = {"joint_torque": block.joint_torque, "base_wrench": block.base_wrench, **block.link_values}
-    return [(field, values) for field, values in signals.items() if values is not None]
 
 
 def without_sensors(scene: Scene, fields: frozenset[str]) -> Scene:

@@ -25,8 +25,8 @@ from contactsense.service.sensors.clients.robot_stream import SensorError
 from contactsense.service.sensors.live_free_motion import read_live_motion
 from contactsense.setup_check import CheckError, Finding, Residuals, SetupCheck
 from contactsense.setup_check import check as run
-from contactsense.setup_check.result import FITS_BETTER
-from contactsense.setup_check.usable_recordings import with_all_sensors
+from contactsense.setup_check.result import FITS_BETTER, NOT_RECORDED
+from contactsense.setup_check.usable_recordings import sensors_in, with_all_sensors
 
 _VERDICTS = {
     "fits": "fits",
@@ -127,9 +127,13 @@ def _recorded(
         parts += found
         for problem in problem_lines(problems):
             errors.print(f"{recording}: {problem}", soft_wrap=True)
-    used = {part.name for part in with_all_sensors(scene, parts)}
-    for name in dict.fromkeys(part.name for part in parts if part.name not in used):
-        errors.print(f"{name}: not used, as it lacks a sensor of the others: check it alone", soft_wrap=True)
+    used = with_all_sensors(scene, parts)
+    every = sensors_in(scene, used[0]) if used else frozenset()
+    for name, own in {part.name: sensors_in(scene, part) for part in parts}.items():
+        if own != every:
+            lacking = ", ".join(sorted(every - own))
+            text = f"{name}: not used, as it lacks {lacking}, which others have: check it alone"
+            errors.print(text, soft_wrap=True)
     return parts
 
 
@@ -144,7 +148,8 @@ def print_check(found: SetupCheck, console: Console) -> None:
     for heading in ("line", "scene", "verdict"):
         table.add_column(heading, overflow="fold")
     for item in found.findings:
-        table.add_row(item.line, _plain(_with_unit(item.line, item.stated)), _VERDICTS[item.verdict])
+        verdict = "[yellow]not recorded[/]" if item.remark == NOT_RECORDED else _VERDICTS[item.verdict]
+        table.add_row(item.line, _plain(_with_unit(item.line, item.stated)), verdict)
     console.print(table)
     for item in found.wrong:
         console.print(_explained(item), highlight=False, soft_wrap=True)
@@ -156,8 +161,9 @@ def print_check(found: SetupCheck, console: Console) -> None:
         console.print("Not explained by any of these lines (a contact, another signal, a fault?):")
         for text in found.unexplained:
             console.print(f"  {text}", highlight=False, markup=False)
-    untold = [item for item in found.findings if item.verdict == "cannot_tell"]
-    if untold and len(untold) == len(found.findings) and found.unexplained:
+    recorded = [item for item in found.findings if item.remark != NOT_RECORDED]
+    untold = [item for item in recorded if item.verdict == "cannot_tell"]
+    if untold and len(untold) == len(recorded) and found.unexplained:
         # A push hides what the lines would give: moving more joints would not help.
         console.print(
             "Something may have touched the arm: repeat without contact. If the same remains, move more "

@@ -1,6 +1,7 @@
 """Recordings of contact-free motion, in the form that calibration needs."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -25,7 +26,8 @@ def read_free_motion(
     """Read a recording for `contactsense.calibration.calibrate`: one section, or several if the clock was
     reset in between.
 
-    Sensors missing from the file are omitted, and so are samples with non-finite values.
+    Sensors that are missing from the file or silent throughout are omitted, and so are samples with
+    non-finite values of the others.
 
     Args:
         path: See `RecordingFile`.
@@ -50,9 +52,12 @@ def read_free_motion(
         field: LinkSensorFrame(scene, field).readings(found.q, wrenches)
         for field, wrenches in found.link_values.items()
     }
-    sensors = {"joint_torque": found.joint_torque, "base_wrench": reading, **links}
-    signals = {"q": found.q, "qd": found.qd} | {field: x for field, x in sensors.items() if x is not None}
-    known = {field: np.isfinite(values).all(axis=1) for field, values in signals.items()}
+    own = {"joint_torque": found.joint_torque, "base_wrench": reading, **links}
+    # Where no sensor has a value there is no reading at all, which is refused below.
+    silent = found.sensors - found.heard if found.heard else frozenset()
+    sensors = {field: x for field, x in own.items() if x is not None and field not in silent}
+    signals = {"q": found.q, "qd": found.qd, **sensors}
+    known = {field: np.asarray(np.isfinite(values).all(axis=1)) for field, values in signals.items()}
     finite = np.all(list(known.values()), axis=0)
     resets = np.flatnonzero(np.diff(found.t, prepend=found.t[:1]) < 0.0)
     if len(resets) > UNORDERED * len(found):
@@ -69,11 +74,9 @@ def read_free_motion(
                     found.t[kept],
                     found.q[kept],
                     found.qd[kept],
-                    None if found.joint_torque is None else found.joint_torque[kept],
-                    None if reading is None else reading[kept],
-                    str(path),
-                    found.rows[kept],
-                    link_readings={field: values[kept] for field, values in links.items()},
+                    name=str(path),
+                    rows=found.rows[kept],
+                    **_readings({field: values[kept] for field, values in sensors.items()}),
                 )
             )
     if not stretches:
@@ -92,4 +95,18 @@ def read_free_motion(
             f"{path}: timestamp: expected samples at most {LONGEST_GAP:g} s apart, got {step:.3g} s"
             f"{unit_hint(step, LONGEST_GAP)}"
         )
-    return stretches, found.problems
+    left_out = (
+        Problem(0, 0, "missing_sensor", f"{field}: no row has all its values: it is not used")
+        for field in sorted(silent)
+    )
+    return stretches, (*found.problems, *left_out)
+
+
+def _readings(sensors: dict[str, np.ndarray]) -> dict[str, Any]:
+    """Values by field of the scene as arguments of `FreeMotion`."""
+    links = {field: x for field, x in sensors.items() if field not in ("joint_torque", "base_wrench")}
+    return {
+        "torque": sensors.get("joint_torque"),
+        "reading": sensors.get("base_wrench"),
+        "link_readings": links,
+    }

@@ -79,6 +79,14 @@ class Recording:
         return frozenset(field for field, values in own.items() if values is not None)
 
     @property
+    def heard(self) -> frozenset[str]:
+        """Fields of the sensors that have a value in at least one sample: a file may have the columns of a
+        sensor that was silent throughout."""
+        own = {"joint_torque": self.joint_torque, "base_wrench": self.base_wrench, **self.link_values}
+        there = {field: values for field, values in own.items() if values is not None}
+        return frozenset(field for field, x in there.items() if np.isfinite(x).all(axis=1).any())
+
+    @property
     def link_values(self) -> dict[str, np.ndarray]:
         """Values of the link sensors by field, see `contactsense.sensors.link_values`."""
         return by_field(self.wrist_wrench, self.link_wrenches)

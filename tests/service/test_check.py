@@ -29,7 +29,7 @@ from contactsense.service.sensors.live_free_motion import _free_motion
 from contactsense.service.sensors.source_settings import SourceSettings
 from contactsense.setup_check import Finding, Residuals, SetupCheck
 from contactsense.setup_check import check as run
-from contactsense.setup_check.result import FITS_BETTER
+from contactsense.setup_check.result import FITS_BETTER, NOT_RECORDED
 from contactsense.types import Sample
 from tests.service.loopback import own_address, until
 
@@ -73,6 +73,16 @@ def test_where_nothing_can_be_told_and_residuals_remain_a_contact_is_suspected()
     assert "Something may have touched the arm: repeat without contact" in text
     assert "To determine the other lines, move more joints" not in text
     assert "To determine the other lines, move more joints" in _printed(SetupCheck(findings, left, (), 10.0))
+
+
+def test_lines_of_a_sensor_that_was_not_recorded_need_no_other_motion() -> None:
+    lines = Finding("mounting", "fits", "table"), Finding("base_wrench.rpy", "cannot_tell", "[0, 0, 0]")
+    lacking = (lines[0], replace(lines[1], remark=NOT_RECORDED))
+    left = Residuals(None, None, 0.1)
+    assert "To determine the other lines" in _printed(SetupCheck(lines, left, (), 10.0))
+    text = _printed(SetupCheck(lacking, left, (), 10.0))
+    assert "not recorded" in text
+    assert "To determine the other lines" not in text
 
 
 def test_a_value_that_fits_better_is_shown_though_it_is_not_proposed() -> None:
@@ -221,7 +231,7 @@ def test_a_recording_without_a_sensor_hides_nothing_of_the_others(folder: Path, 
     result = CliRunner().invoke(check, [str(wrong), str(folder / "free.csv"), str(lacking), "--json"])
     assert result.exit_code == 1
     assert json.loads(result.stdout)["findings"][0]["line"] == "base_wrench.sign"
-    assert f"{lacking}: not used, as it lacks a sensor of the others" in result.stderr
+    assert f"{lacking}: not used, as it lacks base_wrench, which others have" in result.stderr
 
 
 @pytest.mark.slow

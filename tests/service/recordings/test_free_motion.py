@@ -106,11 +106,21 @@ def test_too_few_samples_and_wrong_columns_are_refused(tmp_path: Path) -> None:
         read_free_motion(tmp_path / "a.csv", SCENE, "no_such_field=x")
 
 
-def test_a_signal_that_is_never_there_is_named(tmp_path: Path) -> None:
-    """One joint without torques costs every row."""
+def test_a_sensor_that_is_silent_throughout_is_left_out_and_named(tmp_path: Path) -> None:
+    """One joint without torques would cost every row; an analysis leaves such a sensor out, too."""
     made = columns() | {"joint_torque_2": np.full(N, np.nan)}
     write_columns(tmp_path / "a.parquet", made)
-    with pytest.raises(RecordingError, match=r"got 0 of 20 with finite numbers; never joint_torque$"):
+    (found,), problems = read_free_motion(tmp_path / "a.parquet", SCENE)
+    assert found.torque is None
+    assert found.reading is not None
+    assert len(found.t) == N
+    assert str(problems[-1]) == "joint_torque: no row has all its values: it is not used"
+
+
+def test_a_recording_in_which_every_sensor_is_silent_is_refused(tmp_path: Path) -> None:
+    made = columns() | {"joint_torque_2": np.full(N, np.nan), "base_wrench_5": np.full(N, np.inf)}
+    write_columns(tmp_path / "a.parquet", made)
+    with pytest.raises(RecordingError, match=r"got 0 of 20 .*; never joint_torque, base_wrench$"):
         read_free_motion(tmp_path / "a.parquet", SCENE)
 
 
