@@ -6,7 +6,7 @@ from html import escape
 
 import numpy as np
 
-WIDTH, LEFT, RIGHT, TOP, BOTTOM = 1000, 62, 12, 10, 44
+WIDTH, LEFT, RIGHT, TOP, BOTTOM = 1000, 62, 14, 10, 44
 DIGIT = 13
 """Width of a digit where a panel is drawn at half its size and its letters are enlarged."""
 
@@ -61,10 +61,10 @@ def panel(
         )
     for time, label in _ticks(low, high, inner):
         x, _ = at(time, 0.0)
-        parts.append(
-            f'<line class="grid" x1="{x:.1f}" y1="{TOP}" x2="{x:.1f}" y2="{TOP + depth}"/>'
-            f'<text x="{x:.1f}" y="{TOP + depth + 19}" text-anchor="middle">{label}</text>'
-        )
+        parts.append(f'<line class="grid" x1="{x:.1f}" y1="{TOP}" x2="{x:.1f}" y2="{TOP + depth}"/>')
+        half = 0.5 * DIGIT * len(label)
+        if half <= x <= WIDTH - half:  # else a part of it would be outside of the picture
+            parts.append(f'<text x="{x:.1f}" y="{TOP + depth + 19}" text-anchor="middle">{label}</text>')
     parts += [_curve(curve, at) for curve in curves if len(curve.x)]
     parts.append(
         f'<text x="{WIDTH - RIGHT}" y="{height - 4}" text-anchor="end">time / s</text>'

@@ -14,7 +14,7 @@ from contactsense.robots.surroundings import Body
 from contactsense.service.drawing.arm_scene import arm_geometry, arm_view, contact_view
 from contactsense.service.drawing.link_geometry import geometry_of, link_meshes
 from contactsense.service.drawing.palette import link_colour
-from contactsense.service.drawing.timeline_svg import DIGIT, Curve, nice_step, panel
+from contactsense.service.drawing.timeline_svg import DIGIT, WIDTH, Curve, nice_step, panel
 
 
 def unpacked(mesh: dict[str, str]) -> tuple[np.ndarray, np.ndarray]:
@@ -110,19 +110,23 @@ def test_an_axis_without_any_force_has_usual_numbers(curves: list[Curve]) -> Non
 @pytest.mark.parametrize(
     ("begin", "duration", "labels"),
     [
+        (12.092, 0.0, ["12.0920", "12.0922", "12.0924", "12.0926", "12.0928"]),
         (0.0, 10.0, ["0", "2", "4", "6", "8", "10"]),
         (12.34, 0.8, ["12.4", "12.5", "12.6", "12.7", "12.8", "12.9", "13.0", "13.1"]),
         (200_000.0, 0.75, [f"200000.{k}" for k in range(8)]),
-        (1_700_000_000.0, 30.0, [f"{1_700_000_000 + k}" for k in range(0, 31, 5)]),
+        (1_700_000_000.0, 30.0, [f"{1_700_000_000 + k}" for k in range(5, 26, 5)]),
         (1_700_000_000.05, 0.9, [f"1700000000.{k}" for k in (2, 4, 6, 8)]),
         (1_700_000_000.0004, 0.0, ["1700000000.0005", "1700000000.0010"]),
     ],
 )
 def test_times_of_any_clock_are_distinguishable(begin: float, duration: float, labels: list[str]) -> None:
-    """They are those of the tables, and do not overlap."""
+    """They are those of the tables, do not overlap, and are within the picture."""
     curve = Curve(np.array([begin, begin + duration]), np.array([1.0, 1.5]), "#000")
     drawn = panel([curve], (begin, begin + duration), "N", "force")
     found = re.findall(r'<text x="([\d.]+)" y="[\d.]+" text-anchor="middle">([\d.]+)</text>', drawn)
     assert [label for _, label in found] == labels
     places = np.array([float(x) for x, _ in found])
-    assert np.diff(places).min() > DIGIT * max(map(len, labels))
+    widths = DIGIT * np.array([len(label) for label in labels])
+    assert np.diff(places).min() > widths.max()
+    assert (places - 0.5 * widths).min() >= 0.0
+    assert (places + 0.5 * widths).max() <= WIDTH
