@@ -3,17 +3,21 @@
 import numpy as np
 
 MOVES = 1e-3
-"""Speed above which a joint moves [rad/s]; one at rest reports no velocity, so no noise either."""
+"""Speed above which the velocity of a joint has noise [rad/s]."""
+REST = 1e-6
+"""Speed below which a joint rests [rad/s]: its servo goes on to settle for a while, in ever smaller
+fractions of what a controller reports."""
 
 
 def measured_velocity(qd: np.ndarray, deviation: float, chance: np.random.Generator) -> np.ndarray:
-    """Velocities with white noise in those of joints that move.
+    """Velocities with white noise in those of joints that move; a joint at rest reports none.
 
     Args:
         qd: True velocities, any shape [rad/s].
-        deviation: Standard deviation of the noise [rad/s]; 0 draws no random numbers.
+        deviation: Standard deviation of the noise [rad/s]; 0: the true velocities.
         chance: Source of the noise.
     """
     if deviation == 0.0:
         return qd
-    return np.asarray(qd + deviation * chance.standard_normal(qd.shape) * (np.abs(qd) > MOVES))
+    noise = deviation * chance.standard_normal(qd.shape) * (np.abs(qd) > MOVES)
+    return np.where(np.abs(qd) < REST, 0.0, qd + noise)
