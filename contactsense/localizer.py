@@ -46,6 +46,12 @@ class Localizer(StreamLocalizer):
         super().__init__(scene, method, progress)
         self._block_runner: BlockRunner | None = None
 
+    def __repr__(self) -> str:
+        scene = self.scene
+        own = {"base_wrench": scene.base_wrench, "joint_torque": scene.joint_torque, **scene.link_sensors}
+        sensors = ", ".join(field for field, sensor in own.items() if sensor is not None)
+        return f"<Localizer {scene.robot.name}: {sensors}>"
+
     def __reduce__(self) -> tuple[type["Localizer"], tuple[Scene, Method]]:
         """How a copy is made: copied attribute by attribute, it would answer from the arrays of this one."""
         return type(self), (self.scene, self._method)

@@ -45,7 +45,7 @@ def as_floats(name: str, value: object) -> np.ndarray:
     names the argument."""
     try:
         array = np.asarray(value)
-        if array.dtype.kind in _NO_NUMBERS:
+        if value is None or array.dtype.kind in _NO_NUMBERS:  # NumPy would take None for NaN
             raise TypeError
         floats = np.ascontiguousarray(array, dtype=np.float64)
     except (TypeError, ValueError):

@@ -89,6 +89,7 @@ def test_what_is_no_sample_is_refused(
             r"base_wrench: expected finite numbers, got nan at index \[2\]",
         ),
         ({"joint_torque": [0.0] * 5}, r"joint_torque: expected shape \(6,\) in Nm, got shape \(5,\)"),
+        ({"q": None, "base_wrench": [0.0] * 6}, "q: expected numbers, got None"),
         ({"joint_torque": "strong"}, "joint_torque: expected numbers, got 'strong'"),
         ({"base_wrench": np.ma.masked_all(6)}, "base_wrench: expected finite numbers, got nan at index"),
         ({"base_wrench": np.zeros(6, "m8[ns]")}, "base_wrench: expected numbers, got array"),
@@ -100,7 +101,7 @@ def test_what_is_no_sample_is_refused(
 )
 def test_bad_arguments_are_named(ordinary: Localizer, arguments: dict[str, object], message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        ordinary.locate(np.zeros(6), **arguments)  # type: ignore[arg-type]
+        ordinary.locate(**{"q": np.zeros(6), **arguments})  # type: ignore[arg-type]
 
 
 def test_complex_numbers_are_none(ordinary: Localizer) -> None:

@@ -36,6 +36,11 @@ def test_precise_sensors_find_link_point_force_and_torsion(precise: Localizer) -
     assert found.detected.all()
 
 
+def test_its_representation_names_arm_and_sensors(ordinary: Localizer) -> None:
+    expected = f"<Localizer {ordinary.scene.robot.name}: base_wrench, joint_torque>"
+    assert repr(ordinary) == expected
+
+
 def test_one_sample_and_a_batch_give_the_same_answer(ordinary: Localizer) -> None:
     batch = ordinary.locate_batch(TRUTH.q, base_wrench=TRUTH.base_wrench, joint_torque=TRUTH.torque)
     for i in range(20):
