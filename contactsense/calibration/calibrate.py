@@ -14,7 +14,7 @@ from contactsense.calibration.contacts.contact_test import SuspectedContact, sus
 from contactsense.calibration.contacts.trimmed_fit import trimmed_fit
 from contactsense.calibration.fit.gauss_newton import FittedModel, fit_model
 from contactsense.calibration.fit.possible_bodies import possible_bodies
-from contactsense.calibration.free_motion import FreeMotion
+from contactsense.calibration.free_motion import FreeMotion, check_recordings
 from contactsense.calibration.noise.noise_estimation import JointResiduals, NoiseLevels, estimate_noise
 from contactsense.calibration.noise.wrench_noise import wrench_noise, wrench_residuals
 from contactsense.calibration.parameters import (
@@ -35,7 +35,7 @@ from contactsense.calibration.residuals.recording_residuals import (
 )
 from contactsense.calibration.result import Calibration, Value, residual_statistics, scene_of
 from contactsense.calibration.torque_signal_meaning import compare_meanings, setting_warnings
-from contactsense.scene import Scene
+from contactsense.scene import Scene, check_scene
 from contactsense.sensors.settings import CURRENTS
 
 _MAX_REFITS = 6
@@ -100,7 +100,10 @@ def calibrate(
 
     Raises:
         CalibrationError: nothing can be estimated from these recordings.
+        TypeError: `scene` or `recordings` is of another type.
     """
+    check_scene(scene)
+    check_recordings(recordings)
     _check(scene, recordings)
     settings = settings or Settings(default_groups(scene, recordings))
     start = CalibrationModel.of(scene)

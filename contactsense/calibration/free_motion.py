@@ -92,3 +92,13 @@ class FreeMotion:
     def seconds(self) -> float:
         """Duration [s]."""
         return float(self.t[-1] - self.t[0])
+
+
+def check_recordings(recordings: object) -> None:
+    """Raise a TypeError if an argument `recordings` is no list of them, such as a single one, the path of a
+    file, or all that `read_free_motion` returns."""
+    if not isinstance(recordings, list | tuple):
+        raise TypeError(f"recordings: expected a list of FreeMotion, got {type(recordings).__name__}")
+    for i, part in enumerate(recordings):
+        if not isinstance(part, FreeMotion):
+            raise TypeError(f"recordings[{i}]: expected FreeMotion, got {type(part).__name__}")

@@ -11,8 +11,8 @@ from dataclasses import replace
 import numpy as np
 
 from contactsense import robots
-from contactsense.calibration.free_motion import FreeMotion
-from contactsense.scene import Scene
+from contactsense.calibration.free_motion import FreeMotion, check_recordings
+from contactsense.scene import Scene, check_scene
 from contactsense.setup_check.findings.drive_friction import unstated_friction
 from contactsense.setup_check.findings.proposals import line_value
 from contactsense.setup_check.findings.sensor_findings import (
@@ -77,7 +77,10 @@ def check(
 
     Raises:
         CheckError: The recordings are too short, or lack all sensors of the scene, or none has those of all.
+        TypeError: `scene` or `recordings` is of another type.
     """
+    check_scene(scene)
+    check_recordings(recordings)
     recordings = with_all_sensors(scene, recordings)
     saturated = saturated_sensors(scene, recordings)
     recordings = [without(part, saturated) for part in recordings]

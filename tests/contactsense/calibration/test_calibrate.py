@@ -1,5 +1,8 @@
 """Calibration finds what a simulated recording was made of, and says what it cannot find."""
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -11,6 +14,7 @@ from contactsense.calibration.motion.fourier_trajectory import FourierTrajectory
 from contactsense.calibration.torque_signal_meaning import compare_meanings, setting_warnings
 from contactsense.robots.tool import Tool
 from contactsense.sensors.settings import Friction
+from contactsense.setup_check import check
 from tests.plain_arm import plain_ur5e
 from tests.shared import shared
 from tests.unknown_limits import without_limits
@@ -183,6 +187,18 @@ def test_unusable_recordings_are_refused() -> None:
         FreeMotion(np.arange(500) * 0.01, q, q, np.full((500, 6), np.nan), name="rough")
     with pytest.raises(ValueError, match="twice: t: expected 500 increasing times"):
         FreeMotion(np.zeros(500), q, q, name="twice")
+
+
+@pytest.mark.parametrize("function", [calibrate, check])
+def test_recordings_of_another_type_are_named(function: Callable[[Any, Any], object]) -> None:
+    q = np.zeros((500, 6))
+    part = FreeMotion(np.arange(500) * 0.01, q, q, q)
+    with pytest.raises(TypeError, match=r"^recordings: expected a list of FreeMotion, got FreeMotion$"):
+        function(SEARCHED, part)
+    with pytest.raises(TypeError, match=r"^recordings\[0\]: expected FreeMotion, got list$"):
+        function(SEARCHED, ([part], ()))  # what read_free_motion returns
+    with pytest.raises(TypeError, match=r"^scene: expected a Scene, as in "):
+        function([part], SEARCHED)
 
 
 def test_joints_that_must_move_are_named() -> None:
