@@ -202,4 +202,5 @@ def _convert(origin: Path, out: Path, scene_path: Path | None, columns: str | No
     for problem in problem_lines(recording.problems):
         console.print(f"{origin}: {problem}", highlight=False, soft_wrap=True)
     export(recording, out, scene=scene)
-    click.echo(f"{len(recording)} samples, {recording.seconds:.1f} s, written to {out}")
+    count = f"{len(recording)} sample{'' if len(recording) == 1 else 's'}"
+    click.echo(f"{count}, {recording.seconds:.1f} s, written to {out}")

@@ -163,7 +163,8 @@ class CsvTable:
         self.names = named or _names(head, self._delimiter)
         words = [name for name in self.names if name and not _is_number(name)]
         if not words or (len(self.names) > 2 and len(words) == 1):  # numbers, or a title
-            raise RecordingError(f"{path}: expected a header line that names the columns, got {head[:60]!r}")
+            got = repr(head[:60]) if opening.strip() else "an empty file"
+            raise RecordingError(f"{path}: expected a header line that names the columns, got {got}")
         check_twice(path, words)
         padded = b"  " in opening or _EDGES.search(opening) is not None
         self._padded = self._delimiter == " " and padded

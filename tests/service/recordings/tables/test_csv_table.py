@@ -141,6 +141,13 @@ def test_columns_without_a_name_are_no_duplicates(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read(tmp_path / "a.csv", SCENE).q, table(columns(), "actual_q"))
 
 
+@pytest.mark.parametrize("content", ["", "\n\n"])
+def test_an_empty_file_is_told(tmp_path: Path, content: str) -> None:
+    (tmp_path / "a.csv").write_text(content)
+    with pytest.raises(RecordingError, match=r"a\.csv: expected a header line .*, got an empty file$"):
+        read(tmp_path / "a.csv", SCENE)
+
+
 def test_a_title_above_the_header_is_told(tmp_path: Path) -> None:
     title = "robot state" + "," * 24 + "\n"
     (tmp_path / "a.csv").write_text(title + text(columns()))
