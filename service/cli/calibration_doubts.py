@@ -41,7 +41,7 @@ def doubts(found: Calibration, scene: Scene, recordings: list[FreeMotion]) -> tu
     named: set[str] = set()
     for checked, corrected in ((scene, estimated), (found.scene, ())):
         try:
-            result = check(checked, [_as_read_with(checked, scene, part) for part in free])
+            result = check(checked, [as_read_with(checked, scene, part) for part in free])
         except (CheckError, ValueError):  # such as too short a motion: nothing is known
             continue
         wrong = [
@@ -54,7 +54,7 @@ def doubts(found: Calibration, scene: Scene, recordings: list[FreeMotion]) -> tu
     return tuple(dict.fromkeys(reasons))
 
 
-def _as_read_with(scene: Scene, former: Scene, part: FreeMotion) -> FreeMotion:
+def as_read_with(scene: Scene, former: Scene, part: FreeMotion) -> FreeMotion:
     """A recording that was read with the `former` scene, with joint torques by the constants of `scene`."""
     now, before = TorqueMap.of(scene), TorqueMap.of(former)
     if part.torque is None or now is None or before is None or now.is_as(before):

@@ -9,6 +9,7 @@ from contactsense.calibration import Calibration, FreeMotion
 from contactsense.calibration.calibration_model import CalibrationModel
 from contactsense.calibration.residuals.equations import all_residuals
 from contactsense.scene import Scene
+from contactsense.service.cli.calibration_doubts import as_read_with
 from contactsense.service.cli.calibration_page import Section, channels, unit_of
 from contactsense.service.drawing.figure_style import figure_style
 
@@ -42,12 +43,10 @@ def write_report(
         lines += [f"## {section.title}", "", *(f"- {line}" for line in section.lines), ""]
     lines += ["## Residuals", ""]
     names = channels(scene)
-    before, after = CalibrationModel.of(scene), CalibrationModel.of(found.scene)
     shown = np.flatnonzero(np.isfinite(found.after.rms))
     for number, stretch in enumerate(stretches):
         every = max(1, len(stretch.t) // _DOTS)
-        old = all_residuals(before, stretch, scene.bandwidth)[::every][:, shown]
-        new = all_residuals(after, stretch, scene.bandwidth)[::every][:, shown]
+        old, new = (x[::every][:, shown] for x in residuals_before_and_after(scene, found.scene, stretch))
         touched = [(contact.start, contact.stop) for contact in found.contacts if contact.within(stretch)]
         time = stretch.t[::every] - stretch.t[0]
         with figure_style():
@@ -56,6 +55,18 @@ def write_report(
         lines += [f"### {stretch.name}", "", f"![residuals](residuals_{number}.png)", ""]
     lines += _every_parameter(found)
     (folder / "report.md").write_text("\n".join(lines), encoding="utf-8")
+
+
+def residuals_before_and_after(
+    scene: Scene, calibrated: Scene, stretch: FreeMotion
+) -> tuple[np.ndarray, np.ndarray]:
+    """Residuals of a recording that was read with `scene`, by that scene and by the calibrated one, which may
+    have other torque constants. Each (N, C) for C channels."""
+    now = as_read_with(calibrated, scene, stretch)
+    return (
+        all_residuals(CalibrationModel.of(scene), stretch, scene.bandwidth),
+        all_residuals(CalibrationModel.of(calibrated), now, scene.bandwidth),
+    )
 
 
 def _residuals(

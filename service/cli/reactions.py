@@ -157,7 +157,8 @@ def _print(fired: list[Decision], replay: Path | None) -> None:
     if not fired:
         click.echo(f"{replay}: no rule would have fired")
         return
-    click.echo(f"{replay}: {len(fired)} times a level would have been exceeded")
+    times = "once" if len(fired) == 1 else f"{len(fired)} times"
+    click.echo(f"{replay}: a level would have been exceeded {times}")
     click.echo(f"{'t [s]':>10}  {'rule':<16} {'level':<10} {'link':<12} {'force [N]':>9}  P      actions")
     for d in fired:
         click.echo(

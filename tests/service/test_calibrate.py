@@ -25,6 +25,7 @@ from contactsense.service.cli.analyze import analyze
 from contactsense.service.cli.calibrate import calibrate
 from contactsense.service.cli.calibration_doubts import doubts
 from contactsense.service.cli.calibration_page import page, reasons_against
+from contactsense.service.cli.calibration_report import residuals_before_and_after
 from contactsense.service.recordings.export import write_columns
 from contactsense.service.recordings.free_motion import read_free_motion
 from contactsense.service.scene.load_warnings import load_warnings
@@ -192,6 +193,22 @@ def test_a_line_that_is_wrong_before_and_after_is_named_once(
     found = estimate(scene, parts, Settings(("bias",), widths=False))
     assert doubts(found, scene, parts) == ("joint torques: scale: got 1 per Nm; 997 per Nm would fit",)
     assert next(proposals, None) is None
+
+
+def test_a_report_draws_torques_by_the_calibrated_constants(folder: Path) -> None:
+    """They were drawn by the former ones, with residuals far above those of the page."""
+    signal = JointTorqueSensor(signal="actual_current", torque_constants=(10.0,) * 6)
+    scene = TRUTH.model_copy(update={"joint_torque": signal})
+    calibrated = scene.model_copy(
+        update={"joint_torque": signal.model_copy(update={"torque_constants": (12.0,) * 6})}
+    )
+    (motion,), _ = read_free_motion(folder / "free.csv", TRUTH)
+    assert motion.torque is not None
+    as_read = replace(motion, torque=motion.torque / 1.2)
+    before, after = residuals_before_and_after(scene, calibrated, as_read)
+    right, _ = residuals_before_and_after(calibrated, calibrated, motion)
+    np.testing.assert_allclose(after, right, atol=1e-9)
+    assert np.abs(before - right).max() > 1.0
 
 
 def test_a_report_that_cannot_be_made_is_refused_before_the_work(
