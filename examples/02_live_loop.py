@@ -47,7 +47,7 @@ def loop(localizer: Localizer, source: LiveSource) -> None:
                 print(f"{event.t:.3f} s  {event.kind}" + (f" on {best.link}" if best else ""))
     if steps == 0:
         sys.exit(f"no samples: {source.health.trouble}")
-    print(f"{steps} samples, {late} steps took longer than {1e3 * BUDGET:g} ms")
+    print(f"{steps} samples; steps that took longer than {1e3 * BUDGET:g} ms: {late}")
 
 
 def main() -> None:

@@ -47,7 +47,7 @@ def main() -> None:
         # 2. The arm, as any other; in a scene file: `robot: path/to/three.urdf`.
         robot = robots.load(urdf)
         for link in robot.links:
-            print(f"{link.name}: {link.inertia.mass:g} kg, {len(link.primitives)} primitives")
+            print(f"{link.name}: {link.inertia.mass:g} kg, primitives: {len(link.primitives)}")
         localizer = Localizer(Scene(robot=robot))
 
         # 3. A push of 20 N along -x on the side of the upright forearm, 0.5 m above the base.
