@@ -39,7 +39,9 @@ def _headline(estimate: Estimate) -> str:
         return f"**{len(estimate.contacts)} contacts at the same time.**"
     if estimate.status == "ambiguous":
         count = len(estimate.contacts)
-        return f"**Ambiguous:** {count} explanation{'s' if count > 1 else ''}, none clearly the best."
+        if count == 1:
+            return "**Ambiguous:** one explanation, which is not certain."
+        return f"**Ambiguous:** {count} explanations, none clearly the best."
     return f"**{literal(best.link)}** is touched."
 
 

@@ -56,6 +56,13 @@ def test_all_explanations_and_none_of_them_add_up() -> None:
     assert shares == [60.0, 30.0, 10.0]
 
 
+def test_a_single_explanation_is_not_compared_with_others() -> None:
+    """As where a contact of an analysis has its most probable explanation alone."""
+    only = contact(SCENE, POSTURE, 3, POINT, probability=0.6)
+    words = in_words(estimate(SCENE, only, status="ambiguous"))
+    assert words.startswith("**Ambiguous:** one explanation, which is not certain.")
+
+
 def test_nothing_is_listed_with_zero_percent() -> None:
     nearly = [contact(SCENE, POSTURE, link, POINT, probability=p) for link, p in ((3, 0.6), (2, 0.397))]
     assert "none of these" not in in_words(estimate(SCENE, *nearly, status="ambiguous"))
