@@ -153,7 +153,7 @@ def analyze(
     for path in unjudged:
         click.echo(f"contactsense: {path}: {UNJUDGED}", err=True)
     if skipped:
-        raise click.ClickException(f"{skipped} of {len(files)} recordings were skipped")
+        raise click.ClickException(f"recordings that were skipped: {skipped} of {len(files)}")
     if unjudged:
         sys.exit(1)
 

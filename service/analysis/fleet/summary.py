@@ -265,8 +265,9 @@ def robot_row(robot: RobotSummary) -> dict[str, Any]:
         "hours": robot.hours,
         "contacts": robot.contacts,
         "contacts_per_hour": robot.contacts_per_hour,
-        "touched": robot.touched / robot.samples if robot.samples else None,
-        "degraded": robot.degraded / robot.samples if robot.samples else None,
+        # Without a usable sample, in `hours`, it is not known what touched the arm.
+        "touched": robot.touched / robot.samples if robot.hours > 0.0 else None,
+        "degraded": robot.degraded / robot.samples if robot.hours > 0.0 else None,
         "base_bias_drift": without_nan(base.drift),
         "joint_bias_drift": without_nan(joint.drift),
         "coulomb_drift": without_nan(coulomb.drift),

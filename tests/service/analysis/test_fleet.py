@@ -200,7 +200,8 @@ def test_a_robot_without_a_usable_sample_is_unknown(tmp_path: Path, scene: Path)
         assert bad["residual_ratio"] is bad["needs_calibration"] is None
         assert bad["base_bias_drift"] == [None] * 6
         assert bad["hours"] == 0.0
-        assert bad["contacts_per_hour"] is None
+        assert bad["contacts_per_hour"] is bad["touched"] is bad["degraded"] is None
+        assert good["touched"] is not None
     for name in ("fleet.md", "fleet.html"):
         text = (out / name).read_text()
         assert "unknown" in text
