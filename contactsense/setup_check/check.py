@@ -14,7 +14,7 @@ from contactsense import robots
 from contactsense.calibration.free_motion import FreeMotion, check_recordings
 from contactsense.scene import Scene, check_scene
 from contactsense.setup_check.findings.drive_friction import unstated_friction
-from contactsense.setup_check.findings.proposals import line_value
+from contactsense.setup_check.findings.proposals import as_sign_and_turn, line_value
 from contactsense.setup_check.findings.sensor_findings import (
     base_offset,
     bias_findings,
@@ -202,13 +202,13 @@ def _wrong_line(fitter: Fitter, scene: Scene, stated: Setup, found: Explanation,
     proposed, remark = line_value(line, found.fit.setup, scene)
     free = groups(*(change.free for change in own))
     shown = np.repeat([group in free for group in found.fit.free], [group.size for group in found.fit.free])
-    text = own[-1].text
+    text, instead = own[-1].text, as_sign_and_turn(line, found.fit.setup, scene)
     return Finding(
         line,
         "does_not_fit",
         line_value(line, stated, scene)[0],
         proposed,
-        text if text and text != proposed else remark,
+        "; ".join(filter(None, (text if text and text != proposed else remark, instead))),
         tuple(found.fit.std[shown.astype(bool)].tolist()),
         residuals_of(before, fields),
         residuals_of(found.fit, fields),

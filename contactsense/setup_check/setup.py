@@ -6,6 +6,7 @@ from functools import cached_property
 from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
 from contactsense.calibration.calibration_model import CalibrationModel
@@ -115,6 +116,20 @@ class SensorSetup:
         if group.kind in SCALED:
             return {"order": self.order * np.exp(SCALED[group.kind] * step[0])}
         return {"delay": self.delay + float(step[0])}
+
+    def without_mirror(self) -> Self | None:
+        """The sensor that reads the same where all axes are mirrored, with the opposite sign and another
+        rotation in place of that; None: they are not mirrored.
+
+        For the reflection P and the rotation R, P R^T = -(R')^T with R' = -R P^T.
+        """
+        signs = np.sign(self.order)
+        mirror = signs[:3, :3]
+        both = block_diag(mirror, mirror)
+        if not np.array_equal(signs, both) or np.linalg.det(mirror) > 0.0:
+            return None
+        order, rotation = both.T @ self.order, -self.rotation @ mirror.T
+        return replace(self, sign=-self.sign, rotation=rotation, order=order)
 
 
 @dataclass(frozen=True)

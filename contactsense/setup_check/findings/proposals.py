@@ -1,6 +1,7 @@
 """The value of a line of the scene, as it would be written there."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 from math import ceil, log10
 
 import numpy as np
@@ -20,6 +21,7 @@ from contactsense.setup_check.hypotheses.scale_hypotheses import torque_remark, 
 from contactsense.setup_check.lines import (
     ANGLE_ORDER,
     ANGLE_UNIT,
+    AXES_ORDER,
     DELAYED_TORQUES,
     FROZEN_TORQUES,
     FROZEN_VALUES,
@@ -105,6 +107,17 @@ def _of_sensor(line: Line, field: str, setup: Setup, scene: Scene) -> tuple[str,
     if line.endswith(".bias"):
         return _bias(sensor.bias, scene.link_sensors[field]), ""
     return _sensor(line, sensor), unit_remark(*_sizes(sensor.order)) if line.endswith(SCALE) else ""
+
+
+def as_sign_and_turn(line: Line, setup: Setup, scene: Scene) -> str:
+    """What a scene can state in place of mirrored axes of a sensor; empty: the line is not about such."""
+    field = sensor_of(scene, line)
+    sensor = setup.sensors[field].without_mirror() if field and line.endswith(AXES_ORDER) else None
+    if field is None or sensor is None:
+        return ""
+    same = replace(setup, sensors={**setup.sensors, field: sensor})
+    sign, rpy = (line_value(f"{field}.{name}", same, scene)[0] for name in ("sign", "rpy"))
+    return f"the same as {field}.sign: {sign} with {field}.rpy: {rpy} rad"
 
 
 def _sensor(line: Line, setup: SensorSetup) -> str:

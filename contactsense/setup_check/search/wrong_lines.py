@@ -29,6 +29,7 @@ from contactsense.setup_check.search.explanation import (
     needed,
     pairs,
 )
+from contactsense.setup_check.search.stated_fields import by_stated_fields
 from contactsense.setup_check.setup import Setup
 
 _MOST = 3
@@ -111,6 +112,7 @@ def searched(fitter: Fitter, hypotheses: Hypotheses, stated: Setup, progress: Ca
             found = pair
         else:
             break
+        found = by_stated_fields(fitter, stated, found)
         setup = found.fit.setup
     return Found(found, now, candidates)
 
