@@ -258,6 +258,8 @@ def robot_row(robot: RobotSummary) -> dict[str, Any]:
     """One robot as plain numbers, None if unknown; drifts are the trend from its first day to its last."""
     base, joint = robot.bias_by_day()
     coulomb, viscous = robot.friction_by_day()
+    # Without a usable sample, it is not known what touched the arm.
+    usable = robot.samples > 0 and robot.hours > 0.0
     return {
         "robot": robot.robot,
         "has_scene": True,
@@ -265,9 +267,8 @@ def robot_row(robot: RobotSummary) -> dict[str, Any]:
         "hours": robot.hours,
         "contacts": robot.contacts,
         "contacts_per_hour": robot.contacts_per_hour,
-        # Without a usable sample, in `hours`, it is not known what touched the arm.
-        "touched": robot.touched / robot.samples if robot.hours > 0.0 else None,
-        "degraded": robot.degraded / robot.samples if robot.hours > 0.0 else None,
+        "touched": robot.touched / robot.samples if usable else None,
+        "degraded": robot.degraded / robot.samples if usable else None,
         "base_bias_drift": without_nan(base.drift),
         "joint_bias_drift": without_nan(joint.drift),
         "coulomb_drift": without_nan(coulomb.drift),
