@@ -10,7 +10,7 @@ force by the model, with the noise of the velocities, which is in the residual t
 sensor to where that is smaller. The noise of the measured force is not in the moments of this residual, so
 neither noise biases the place: the measured force is an instrumental variable (T. Soederstroem, P. Stoica,
 "Instrumental variable methods for system identification", 1983). Those by masses, of the tool and of the
-links, are derivatives of the residuals of a smooth motion
+links, and by the delay are derivatives of the residuals of a smooth motion
 (`contactsense.calibration.residuals.smooth_velocities`), except in the joint torques, whose own noise is
 larger.
 """
@@ -34,7 +34,7 @@ from contactsense.calibration.residuals.recording_residuals import (
     samples_of_rows,
     time_step,
 )
-from contactsense.calibration.residuals.smooth_velocities import with_smooth_velocities
+from contactsense.calibration.residuals.smooth_velocities import is_smooth, with_smooth_velocities
 from contactsense.kinematics.model import empty_motion
 from contactsense.kinematics.momenta import kinematics_and_momenta
 from contactsense.kinematics.regressor import PARAMETERS, arm_regressor
@@ -49,6 +49,9 @@ from contactsense.robots.jit.kernel import kernel
 
 DIFFERENCE_STEPS: dict[Group, float] = {"tilt": 1e-5, "turn": 1e-5, "link_turn": 1e-5, "payload": 1e-3}
 """Steps for parameters that enter nonlinearly, in units of their prior standard deviation."""
+
+_OF_THE_MOTION: tuple[Group, ...] = ("payload", "delay", "links")
+"""Groups whose derivatives in the equations of the base sensor are those of smoothed velocities."""
 
 _START = 15.0
 """Time constants of the observer until a whole weight, from which it starts, changes by less than a slow
@@ -107,7 +110,7 @@ def linearize(
 
     keep = samples_of_rows(recording, bandwidth)
     smooth, of_smooth = recording, residual
-    if recording.reading is not None and any(entry.group in ("payload", "links") for entry in selected):
+    if recording.reading is not None and any(entry.group in _OF_THE_MOTION for entry in selected):
         smooth = with_smooth_velocities(recording)
         of_smooth = residuals(arm, smooth, bandwidth)
     slopes: list[tuple[int, np.ndarray, int | None]] = []
@@ -124,8 +127,11 @@ def linearize(
             slopes += _joint_columns(arm, recording, selected, entry.group, bandwidth, residual, keep)
         else:
             slope = difference(residual_of, arm, recording, entry, residual)
-            if entry.group == "payload" and smooth is not recording:
-                slope[:, joints:] = difference(residual_of, arm, smooth, entry, of_smooth)[:, joints:]
+            if entry.group in ("payload", "delay") and smooth is not recording:
+                of_motion = difference(residual_of, arm, smooth, entry, of_smooth)
+                # A delay moves the accelerations themselves, so that a wrong one at the ends counts.
+                where = is_smooth(recording) if entry.group == "delay" else slice(None)
+                slope[where, joints:] = of_motion[where, joints:]
             slopes.append((number, slope[keep], None))
     links = [(number, entry.index) for number, entry in enumerate(selected) if entry.group == "links"]
     if links:

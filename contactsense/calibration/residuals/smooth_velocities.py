@@ -1,4 +1,4 @@
-"""Velocities without most of their noise, for the derivatives by masses."""
+"""Velocities without most of their noise, for the derivatives by masses and delays."""
 
 from dataclasses import replace
 
@@ -11,6 +11,9 @@ from contactsense.calibration.residuals.recording_residuals import GAP
 _WIDTH = 0.04
 """Standard deviation of the Gaussian window [s]: motion below 2 Hz passes, most of the noise does not."""
 
+_REACH = 3.0
+"""Half of the window, in its standard deviations."""
+
 
 def with_smooth_velocities(recording: FreeMotion) -> FreeMotion:
     """A recording whose velocities are smoothed, without delay, between its gaps.
@@ -20,6 +23,20 @@ def with_smooth_velocities(recording: FreeMotion) -> FreeMotion:
     instrumental variable: equations with the derivatives of the smooth motion hold at the true parameters.
     """
     width = _WIDTH / float(np.median(np.diff(recording.t)))
-    parts = np.split(recording.qd, np.flatnonzero(np.diff(recording.t) > GAP) + 1)
+    parts = np.split(recording.qd, _ends(recording))
     qd = np.vstack([gaussian_filter1d(part, width, axis=0, mode="nearest") for part in parts])
     return replace(recording, qd=qd)
+
+
+def is_smooth(recording: FreeMotion) -> np.ndarray:
+    """Whether the accelerations that follow from `with_smooth_velocities` are those of the motion: not near
+    the ends of its parts, where half of the window is missing. Shape (N,)."""
+    parts = np.split(recording.t, _ends(recording))
+    return np.concatenate(
+        [(part > part[0] + _REACH * _WIDTH) & (part < part[-1] - _REACH * _WIDTH) for part in parts]
+    )
+
+
+def _ends(recording: FreeMotion) -> np.ndarray:
+    """Indices of the samples after gaps."""
+    return np.asarray(np.flatnonzero(np.diff(recording.t) > GAP) + 1)

@@ -60,6 +60,16 @@ def test_the_noise_of_the_velocities_does_not_move_a_base_sensor() -> None:
     assert np.abs(found.mean(axis=0)).max() < 2.0
 
 
+def test_the_noise_of_the_velocities_does_not_hide_the_delay_of_a_base_sensor() -> None:
+    """It is in the derivatives by the delay, too: the stated delay was confirmed to microseconds."""
+    stated = WrenchSensor(translation=(0.0, 0.0, -0.035))
+    scene = Scene(robot=plain_ur5e(), joint_torque=None, base_wrench=stated)
+    late = scene.model_copy(update={"base_wrench": stated.model_copy(update={"delay": 0.008})})
+    known = {"delay of the base sensor": 0.008}
+    found = errors(late, scene, ("wrench_bias", "delay"), known, velocity_noise=0.001)
+    assert np.abs(found.mean()) < 2.0
+
+
 def test_the_noise_of_the_velocities_does_not_make_masses_smaller() -> None:
     """It is in their derivatives, too, and did so by two of the stated standard deviations, on average, and
     with them it moved the base sensor up or down."""
