@@ -3,9 +3,10 @@
 import os
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from types import FrameType
+from typing import Any
 
 
 def leave_to_parent() -> None:
@@ -30,10 +31,35 @@ def leave_to_parent() -> None:
 def ignored(*numbers: signal.Signals) -> Iterator[None]:
     """Ignore these signals in this block, as do processes that it starts. Without effect in a thread other
     than the main one, which cannot set it."""
+    with _handled(dict.fromkeys(numbers, signal.SIG_IGN)):
+        yield
+
+
+@contextmanager
+def never_lost(*numbers: signal.Signals) -> Iterator[None]:
+    """Have these signals raise a KeyboardInterrupt, in this block or, if it gets lost there, after it.
+
+    An exception that is raised while compiled code calls back may be dropped by that code. Signals that are
+    ignored already remain so. Without effect in a thread other than the main one.
+    """
+    noted = threading.Event()
+
+    def end(*_: object) -> None:
+        noted.set()
+        raise KeyboardInterrupt
+
+    with _handled({number: end for number in numbers if signal.getsignal(number) is not signal.SIG_IGN}):
+        yield
+    if noted.is_set():
+        raise KeyboardInterrupt
+
+
+@contextmanager
+def _handled(handlers: Mapping[signal.Signals, Any]) -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = {number: signal.signal(number, signal.SIG_IGN) for number in numbers}
+    before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
     try:
         yield
     finally:

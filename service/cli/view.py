@@ -15,6 +15,7 @@ from contactsense.scene import Scene, SceneError
 from contactsense.service.api.http.token_file import TokenError, read_token
 from contactsense.service.cli.options.option_names import refusal
 from contactsense.service.free_ports import reason
+from contactsense.service.group_signals import never_lost
 from contactsense.service.recordings import (
     ColumnMapping,
     MappingError,
@@ -94,8 +95,9 @@ def view(
             _end_in_order(over)
             _live(URL if url is None else url, token, acknowledge, scene, host, port, over)
         else:
-            # Signals end the computation at once, which takes minutes for a recording of hours.
-            source = _recorded(file, scene, ColumnMapping.parse(columns))
+            # It takes minutes for a recording of hours.
+            with never_lost(signal.SIGINT, signal.SIGTERM):
+                source = _recorded(file, scene, ColumnMapping.parse(columns))
             _end_in_order(over)
             page = _page(host, port)
             viewer = Viewer(page, source.scene)

@@ -1,7 +1,10 @@
 """`contactsense view` tells in one line what it cannot show; contacts of an analysis."""
 
+import contextlib
+import signal
 import socket
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pyarrow.csv as pa_csv
@@ -51,6 +54,28 @@ def test_what_cannot_be_shown_is_told(
     assert result.exit_code in (1, 2)
     assert complaint in result.output
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interruption_that_a_library_loses_is_one(
+    number: signal.Signals, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The page was served, until somebody interrupted it again."""
+
+    def interrupted(*_: object) -> SimpleNamespace:
+        with contextlib.suppress(KeyboardInterrupt):
+            signal.raise_signal(number)
+        return SimpleNamespace(problems=())
+
+    recording, scene = write_motion(demo(), tmp_path / "run.parquet"), tmp_path / "scene.yaml"
+    scene.write_text("robot: ur5e\n")
+    monkeypatch.setattr("contactsense.service.cli.view.RecordedSource", interrupted)
+    monkeypatch.setattr("contactsense.service.cli.view._page", lambda *_: pytest.fail("it is served"))
+    former = signal.getsignal(number)
+    result = CliRunner().invoke(view, [str(recording), "--scene", str(scene), "--port", "0"])
+    assert isinstance(result.exception, SystemExit)
+    assert result.output.endswith("Aborted!\n")
+    assert signal.getsignal(number) is former
 
 
 @pytest.mark.parametrize("arguments", [("cell.yaml",), ("cell.yaml", "--scene", "cell.yaml")])
