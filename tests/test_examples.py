@@ -50,7 +50,7 @@ def test_first_lines_uncompiled(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_live_loop() -> None:
     out = _run("02_live_loop.py")
     assert "onset" in out
-    assert "samples, " in out
+    assert "samples; " in out
 
 
 def test_offline_file() -> None:
