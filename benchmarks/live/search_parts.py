@@ -44,8 +44,8 @@ class Parts(NamedTuple):
     line: float
     """The search along a known line of action; NaN without such samples."""
     rough: float
-    """That along one that is roughly known, and where it does not suffice also over the surface; NaN without
-    such samples."""
+    """The search if it is roughly known: along it, or over the surface if it may enter many primitives; NaN
+    without such samples."""
     surface: float
     """The search over the surface if the line of action is not known; NaN without such samples."""
     total: float

@@ -13,10 +13,8 @@ LINE_OF_ACTION_DEVIATION = 0.008
 that explains the measurement best [m]."""
 ROUGH_LINE_DEVIATION = 0.025
 """It counts as roughly known if its position has a smaller standard deviation than this near all links that
-explain the measurement [m].
-
-If it enters few primitives, the search along it then takes two thirds of the time of the search over the
-surface. For static contacts the mean log probability of the link is the same, that of the place higher."""
+explain the measurement [m]: if it enters few primitives, the search along it finds the same place as the one
+over the surface, and is faster."""
 UNKNOWN, ROUGHLY_KNOWN, KNOWN = range(3)
 
 

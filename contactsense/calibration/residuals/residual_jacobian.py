@@ -129,7 +129,7 @@ def linearize(
             slope = difference(residual_of, arm, recording, entry, residual)
             if entry.group in ("payload", "delay") and smooth is not recording:
                 of_motion = difference(residual_of, arm, smooth, entry, of_smooth)
-                # A delay moves the accelerations themselves, so that a wrong one at the ends counts.
+                # A delay acts by the change of the accelerations, which is wrong near the ends.
                 where = is_smooth(recording) if entry.group == "delay" else slice(None)
                 slope[where, joints:] = of_motion[where, joints:]
             slopes.append((number, slope[keep], None))

@@ -10,9 +10,8 @@ from contactsense.calibration.residuals.recording_residuals import GAP
 
 _WIDTH = 0.04
 """Standard deviation of the Gaussian window [s]: motion below 2 Hz passes, most of the noise does not."""
-
 _REACH = 3.0
-"""Half of the window, in its standard deviations."""
+"""Standard deviations beyond which the window hardly counts."""
 
 
 def with_smooth_velocities(recording: FreeMotion) -> FreeMotion:
@@ -23,7 +22,7 @@ def with_smooth_velocities(recording: FreeMotion) -> FreeMotion:
     instrumental variable: equations with the derivatives of the smooth motion hold at the true parameters.
     """
     width = _WIDTH / float(np.median(np.diff(recording.t)))
-    parts = np.split(recording.qd, _ends(recording))
+    parts = np.split(recording.qd, _after_gaps(recording))
     qd = np.vstack([gaussian_filter1d(part, width, axis=0, mode="nearest") for part in parts])
     return replace(recording, qd=qd)
 
@@ -31,12 +30,12 @@ def with_smooth_velocities(recording: FreeMotion) -> FreeMotion:
 def is_smooth(recording: FreeMotion) -> np.ndarray:
     """Whether the accelerations that follow from `with_smooth_velocities` are those of the motion: not near
     the ends of its parts, where half of the window is missing. Shape (N,)."""
-    parts = np.split(recording.t, _ends(recording))
+    parts = np.split(recording.t, _after_gaps(recording))
     return np.concatenate(
         [(part > part[0] + _REACH * _WIDTH) & (part < part[-1] - _REACH * _WIDTH) for part in parts]
     )
 
 
-def _ends(recording: FreeMotion) -> np.ndarray:
+def _after_gaps(recording: FreeMotion) -> np.ndarray:
     """Indices of the samples after gaps."""
     return np.asarray(np.flatnonzero(np.diff(recording.t) > GAP) + 1)

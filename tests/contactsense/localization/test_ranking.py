@@ -18,6 +18,7 @@ from contactsense.localization.line_accuracy import (
 from contactsense.localization.line_search.line_of_action_search import search_along_line_of_action
 from contactsense.localization.ranking import FEW_PRIMITIVES
 from contactsense.localization.surface_search.search import search_surface
+from contactsense.solvers.posterior.mode import ENERGY_CUTOFF
 from tests.contactsense.localization.latest_search import latest_search
 from tests.plain_arm import contacts, plain_ur5e
 
@@ -68,7 +69,7 @@ def test_a_line_of_action_is_known_near_the_best_link_and_roughly_near_all_that_
     for i in range(len(TRUTH.q)):
         link = _locate(localizer, i)
         energy = latest_search(localizer)[0].hypotheses.energy
-        explain = np.flatnonzero(energy <= energy[link] + 8.0)
+        explain = np.flatnonzero(energy <= energy[link] + ENERGY_CUTOFF)
         roughly = max(_deviation(localizer, k) for k in explain) < ROUGH_LINE_DEVIATION
         known = _deviation(localizer, link) < LINE_OF_ACTION_DEVIATION
         expected = KNOWN if known else ROUGHLY_KNOWN if roughly else UNKNOWN
