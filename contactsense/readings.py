@@ -83,14 +83,7 @@ def forward_model(
         in_metres(tuple(point.tolist()))
     except ValueError as error:
         raise ValueError(f"point: {error}") from None
-    if not (isinstance(torsion, Real) and isfinite(torsion)):
-        raise ValueError(f"torsion: expected a finite number, got {torsion!r}")
-    if torsion != 0.0 and normal is None:
-        raise ValueError("normal: expected the outward normal that torsion acts about, got none")
-    if normal is not None:
-        normal = checked_vector("normal", normal, 3, "1")
-        if abs(float(normal @ normal) - 1.0) > _ROUNDING:
-            raise ValueError(f"normal: expected a unit vector, got {normal.tolist()}")
+    torsion_moment = _checked_torsion(torsion, normal)
     index = scene.link_names.index(link)
     body = min(index, joints)
     model, motion = build_model(robot), empty_motion(joints)
@@ -98,10 +91,7 @@ def forward_model(
     if index > joints:
         point = robot.flange_translation + robot.flange_rotation @ point
     place = motion.origin[body] + motion.rotation[body] @ point
-    moment = np.cross(place, force)
-    if normal is not None:
-        moment = moment + torsion * normal
-    wrench = np.concatenate((force, moment))
+    wrench = np.concatenate((force, np.cross(place, force) + torsion_moment))
     torque, base = np.zeros(joints), np.zeros(6)
     felt = np.where(np.arange(joints) < body, -motion.screw @ wrench, 0.0)
     if not external:
@@ -116,3 +106,17 @@ def forward_model(
     wrist = links.pop("wrist_wrench", None)
     named = {field.removeprefix("link_wrenches."): reading for field, reading in links.items()}
     return Readings(torque + felt, base + wrench, wrist, named)
+
+
+def _checked_torsion(torsion: float, normal: np.ndarray | None) -> np.ndarray:
+    """Moment of a torsion about a normal, shape (3,) [Nm]; raises as `forward_model` does."""
+    if not (isinstance(torsion, Real) and isfinite(torsion)):
+        raise ValueError(f"torsion: expected a finite number, got {torsion!r}")
+    if normal is None:
+        if torsion != 0.0:
+            raise ValueError("normal: expected the outward normal that torsion acts about, got none")
+        return np.zeros(3)
+    normal = checked_vector("normal", normal, 3, "1")
+    if abs(float(normal @ normal) - 1.0) > _ROUNDING:
+        raise ValueError(f"normal: expected a unit vector, got {normal.tolist()}")
+    return torsion * normal

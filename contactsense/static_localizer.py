@@ -169,17 +169,12 @@ class StaticLocalizer:
                 sensor_bits_of(usable),
             )
             self._detection_limits[usable] = limits
-        look_for_sets = contacts != 1 or bool(known)
-        if look_for_sets:
-            self._locator = self._locator or MultiContactLocator(
-                self.scene, self._buffers, self._kernel_args, self._estimate_builder
-            )
-            self._locator.check(contacts, known, drift)
+        locator = self._set_locator(contacts, known, drift) if contacts != 1 or known else None
         threshold, self._estimate_builder.detectable, sensor_bits = limits
         options = self._options | AT_REST
         if external:
             options |= EXTERNAL
-        if look_for_sets:
+        if locator is not None:
             options |= DETECT_ONLY
         if not detect:
             threshold = -1.0
@@ -194,13 +189,23 @@ class StaticLocalizer:
                 count = self._locate_once(readings, sensor_bits, options & ~CHECKED, threshold)
         if count == UNTOUCHED:
             return self._estimate_builder.without_contacts(0.0, "none")
-        if look_for_sets and self._locator is not None:
+        if locator is not None:
             with self._shown(SEVERAL_CONTACTS):
-                multiple = self._locator.explain(usable, contacts, known, drift)
+                multiple = locator.explain(usable, contacts, known, drift)
             if known or len(multiple.contacts) > 1:
                 return multiple
             self._locate_once(readings, sensor_bits, options & ~(CHECKED | DETECT_ONLY), threshold)
         return self._estimate_builder.contacts(0.0, self._found())
+
+    def _set_locator(
+        self, contacts: int, known: Sequence[Contact], drift: float | None
+    ) -> MultiContactLocator:
+        """What looks for sets of contacts; raises a ValueError if it cannot do so with these arguments."""
+        self._locator = self._locator or MultiContactLocator(
+            self.scene, self._buffers, self._kernel_args, self._estimate_builder
+        )
+        self._locator.check(contacts, known, drift)
+        return self._locator
 
     def _refuse_implausible(
         self,

@@ -156,40 +156,15 @@ def solve(
         largest = max(largest, fabs(h[i]))
     passive = 0
     for _ in range(3 * count):
-        best, chosen = 1e-12 * largest, -1
-        for i in range(count):
-            taken = False
-            for k in range(passive):
-                taken = taken or order[k] == i
-            if taken:
-                continue
-            slope = h[i]
-            for k in range(passive):
-                slope -= G[i, order[k]] * x[order[k]]
-            if slope > best:
-                best, chosen = slope, i
+        chosen = _steepest(G, h, 1e-12 * largest, x, order, passive, count)
         if chosen < 0:
             break
         order[passive] = chosen
-        passive += 1
-        if not _solve_passive(G, h, order, passive, L, s):
+        if not _solve_passive(G, h, order, passive + 1, L, s):
             # Depends on the active columns: any gain would be rounding error.
-            passive -= 1
             break
-        while True:
-            step, leaving = 1.0, -1
-            for k in range(passive):
-                if s[k] <= 0.0:
-                    part = x[order[k]] / (x[order[k]] - s[k]) if x[order[k]] > s[k] else 0.0
-                    if part < step or leaving < 0:
-                        step, leaving = part, k
-            for k in range(passive):
-                x[order[k]] += step * (s[k] - x[order[k]])
-            if leaving < 0:
-                break
-            x[order[leaving]] = 0.0
-            for k in range(leaving, passive - 1):
-                order[k] = order[k + 1]
+        passive += 1
+        while _step_towards(x, s, order, passive):
             passive -= 1
             if passive == 0 or not _solve_passive(G, h, order, passive, L, s):
                 break
@@ -197,3 +172,51 @@ def solve(
     for k in range(passive):
         cost -= h[order[k]] * x[order[k]]
     return max(cost, 0.0)
+
+
+@kernel
+def _steepest(
+    G: np.ndarray, h: np.ndarray, least: float, x: np.ndarray, order: np.ndarray, passive: int, count: int
+) -> int:
+    """Column whose weight, now zero, reduces the residual most, -1 if no slope exceeds `least`. The weights
+    of the first `passive` columns in `order` are positive."""
+    best, chosen = least, -1
+    for i in range(count):
+        if _contains(order, passive, i):
+            continue
+        slope = h[i]
+        for k in range(passive):
+            slope -= G[i, order[k]] * x[order[k]]
+        if slope > best:
+            best, chosen = slope, i
+    return chosen
+
+
+@kernel
+def _contains(order: np.ndarray, count: int, i: int) -> bool:
+    """Whether i is one of the first `count` entries of `order`."""
+    found = False
+    for k in range(count):
+        found = found or order[k] == i
+    return found
+
+
+@kernel
+def _step_towards(x: np.ndarray, s: np.ndarray, order: np.ndarray, passive: int) -> bool:
+    """Move the weights x of the first `passive` columns in `order` towards the solution s, as far as none
+    becomes negative. The one that becomes zero, if any, is taken out of `order`: returns whether there is
+    one."""
+    step, leaving = 1.0, -1
+    for k in range(passive):
+        if s[k] <= 0.0:
+            part = x[order[k]] / (x[order[k]] - s[k]) if x[order[k]] > s[k] else 0.0
+            if part < step or leaving < 0:
+                step, leaving = part, k
+    for k in range(passive):
+        x[order[k]] += step * (s[k] - x[order[k]])
+    if leaving < 0:
+        return False
+    x[order[leaving]] = 0.0
+    for k in range(leaving, passive - 1):
+        order[k] = order[k + 1]
+    return True

@@ -6,6 +6,7 @@ they are used, because it is a test dependency.
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import singledispatch
 from importlib import import_module
 from typing import Any
 
@@ -297,41 +298,82 @@ def _cap(sign: int, height: Number, ring: Number) -> Patch:
     return Patch("cap", level, draw, lambda c, n: bool(c[0] ** 2 + c[1] ** 2 <= ring**2))
 
 
+@singledispatch
 def patches(surface: Surface) -> list[Patch]:
     """The patches of a surface; none for one that has no reference."""
-    mp = numbers()
-    zero = mp.mpf(0)
-    if isinstance(surface, Placed):
-        return patches(surface.surface)
-    if isinstance(surface, Sphere):
-        return [_ellipsoid([zero] * 3, [mp.mpf(surface.radius)] * 3)]
-    if isinstance(surface, Ellipsoid):
-        return [_ellipsoid([zero] * 3, vector((surface.a, surface.b, surface.c)))]
-    if isinstance(surface, Cylinder):
-        radius = mp.mpf(surface.radius)
-        return [_cone("surface", radius, zero, -4 * radius, 4 * radius)]
-    if isinstance(surface, Cone):
-        radius, taper = mp.mpf(surface.radius), mp.mpf(surface.taper)
-        apex = radius / taper
-        return [_cone("surface", radius, taper, *sorted((apex, apex - 3 * abs(apex) * mp.sign(taper))))]
-    if isinstance(surface, Plane):
-        return [_plane(surface)]
-    if isinstance(surface, Paraboloid):
-        return [_paraboloid(surface)]
-    if isinstance(surface, Superquadric):
-        return [_superquadric(surface)]
-    if isinstance(surface, Capsule):
-        return list(_tapered(mp.mpf(surface.half), mp.mpf(surface.radius), mp.mpf(surface.radius)))
-    if isinstance(surface, TaperedCapsule):
-        return list(_tapered(*(mp.mpf(x) for x in (surface.half, surface.radius_a, surface.radius_b))))
-    if isinstance(surface, Fingertip):
-        radius = mp.mpf(surface.radius)
-        return [
-            _cone("side", radius, zero, -4 * radius, zero),
-            _ball("tip", zero, radius, zero, mp.mpf(1)),
-        ]
-    if isinstance(surface, Revolved):
-        return list(_revolved(surface))
-    if isinstance(surface, Box):
-        return list(_box(surface))
     return []
+
+
+@patches.register
+def _(surface: Placed) -> list[Patch]:
+    return patches(surface.surface)
+
+
+@patches.register
+def _(surface: Sphere) -> list[Patch]:
+    mp = numbers()
+    return [_ellipsoid([mp.mpf(0)] * 3, [mp.mpf(surface.radius)] * 3)]
+
+
+@patches.register
+def _(surface: Ellipsoid) -> list[Patch]:
+    return [_ellipsoid([numbers().mpf(0)] * 3, vector((surface.a, surface.b, surface.c)))]
+
+
+@patches.register
+def _(surface: Cylinder) -> list[Patch]:
+    mp = numbers()
+    radius = mp.mpf(surface.radius)
+    return [_cone("surface", radius, mp.mpf(0), -4 * radius, 4 * radius)]
+
+
+@patches.register
+def _(surface: Cone) -> list[Patch]:
+    mp = numbers()
+    radius, taper = mp.mpf(surface.radius), mp.mpf(surface.taper)
+    apex = radius / taper
+    return [_cone("surface", radius, taper, *sorted((apex, apex - 3 * abs(apex) * mp.sign(taper))))]
+
+
+@patches.register
+def _(surface: Plane) -> list[Patch]:
+    return [_plane(surface)]
+
+
+@patches.register
+def _(surface: Paraboloid) -> list[Patch]:
+    return [_paraboloid(surface)]
+
+
+@patches.register
+def _(surface: Superquadric) -> list[Patch]:
+    return [_superquadric(surface)]
+
+
+@patches.register
+def _(surface: Capsule) -> list[Patch]:
+    mp = numbers()
+    return list(_tapered(mp.mpf(surface.half), mp.mpf(surface.radius), mp.mpf(surface.radius)))
+
+
+@patches.register
+def _(surface: TaperedCapsule) -> list[Patch]:
+    mp = numbers()
+    return list(_tapered(*(mp.mpf(x) for x in (surface.half, surface.radius_a, surface.radius_b))))
+
+
+@patches.register
+def _(surface: Fingertip) -> list[Patch]:
+    mp = numbers()
+    zero, radius = mp.mpf(0), mp.mpf(surface.radius)
+    return [_cone("side", radius, zero, -4 * radius, zero), _ball("tip", zero, radius, zero, mp.mpf(1))]
+
+
+@patches.register
+def _(surface: Revolved) -> list[Patch]:
+    return list(_revolved(surface))
+
+
+@patches.register
+def _(surface: Box) -> list[Patch]:
+    return list(_box(surface))

@@ -90,61 +90,105 @@ def fill_measurement_rows(
         lag: Time constant of the low-pass filter [s]; 0 without one.
         rows: Filled.
     """
-    torque_variance, link_variance, link_origin = variances.torque, variances.link, variances.link_origin
-    y, seen, row, transformed = rows.value, rows.seen, rows.row, rows.transformed
-    sensor_twist = motion.twist[0]
-    links = seen.shape[0]
-    seen[:] = 0.0
+    rows.seen[:] = 0.0
     rows.matrix[:] = 0.0
     m = 0
     if present[0]:
-        # Upper factor U of the information matrix U^T U: U times the noise has unit variance.
-        U = rows.factor
-        for i in range(6):
-            for k in range(6):
-                U[i, k] = 0.0
-            for k in range(i, 6):
-                x = variances.base_information[i, k] / variances.base_factor
-                for r in range(i):
-                    x -= U[r, i] * U[r, k]
-                U[i, k] = math.sqrt(x) if k == i else x / U[i, i]
-        for i in range(6):
-            y[i] = 0.0
-            for k in range(i, 6):
-                y[i] += U[i, k] * parts[0][k]
-            for link in range(links):
-                seen[link, i] = 1.0
-                twist = motion.twist[sensors.depth[link]]
-                _lagged_row(U[i], twist, sensor_twist, lag, transformed, rows.matrix[link, i])
-        m = 6
+        m = _fill_base_rows(sensors, motion, parts[0], variances, lag, rows)
     if present[1]:
-        for j in range(torque_variance.shape[0]):
-            inverse_deviation = 1.0 / math.sqrt(torque_variance[j])
-            for k in range(6):
-                row[k] = motion.screw[j, k] * inverse_deviation
-            y[m] = parts[1][j] * inverse_deviation
-            for link in range(links):
-                if sensors.depth[link] > j:
-                    seen[link, m] = 1.0
-                    twist = motion.twist[sensors.depth[link]]
-                    _lagged_row(row, twist, motion.twist[j], lag, transformed, rows.matrix[link, m])
-            m += 1
-    for s in range(link_origin.shape[0]):
-        if not present[2] >> s & 1:
-            continue
-        for i in range(6):
-            component = component_about(link_origin[s], i)
-            inverse_deviation = 1.0 / math.sqrt(link_variance[s, i])
-            y[m] = 0.0
-            for k in range(6):
-                row[k] = component[k] * inverse_deviation
-                y[m] += row[k] * parts[2][s, k]
-            for link in range(links):
-                if link >= sensors.first_link[s]:
-                    seen[link, m] = 1.0
-                    twist = motion.twist[sensors.depth[link]]
-                    _lagged_row(row, twist, sensor_twist, lag, transformed, rows.matrix[link, m])
-            m += 1
+        m = _fill_torque_rows(sensors, motion, parts[1], variances.torque, lag, m, rows)
+    for s in range(variances.link_origin.shape[0]):
+        if present[2] >> s & 1:
+            m = _fill_link_sensor_rows(sensors, motion, s, parts[2][s], variances, lag, m, rows)
+    return m
+
+
+@fused_kernel
+def _fill_base_rows(
+    sensors: SensorModel,
+    motion: Motion,
+    wrench: np.ndarray,
+    variances: Variances,
+    lag: float,
+    rows: MeasurementRows,
+) -> int:
+    """Fill the first rows with the external base wrench; returns the number of rows. Arguments as for
+    `fill_measurement_rows`."""
+    y, U = rows.value, rows.factor
+    # Upper factor U of the information matrix U^T U: U times the noise has unit variance.
+    for i in range(6):
+        for k in range(6):
+            U[i, k] = 0.0
+        for k in range(i, 6):
+            x = variances.base_information[i, k] / variances.base_factor
+            for r in range(i):
+                x -= U[r, i] * U[r, k]
+            U[i, k] = math.sqrt(x) if k == i else x / U[i, i]
+    for i in range(6):
+        y[i] = 0.0
+        for k in range(i, 6):
+            y[i] += U[i, k] * wrench[k]
+        for link in range(rows.seen.shape[0]):
+            rows.seen[link, i] = 1.0
+            twist = motion.twist[sensors.depth[link]]
+            _lagged_row(U[i], twist, motion.twist[0], lag, rows.transformed, rows.matrix[link, i])
+    return 6
+
+
+@fused_kernel
+def _fill_torque_rows(
+    sensors: SensorModel,
+    motion: Motion,
+    torque: np.ndarray,
+    variance: np.ndarray,
+    lag: float,
+    m: int,
+    rows: MeasurementRows,
+) -> int:
+    """Fill the rows from m on with the joint torques; returns the number of rows. Arguments as for
+    `fill_measurement_rows`."""
+    y, row = rows.value, rows.row
+    for j in range(variance.shape[0]):
+        inverse_deviation = 1.0 / math.sqrt(variance[j])
+        for k in range(6):
+            row[k] = motion.screw[j, k] * inverse_deviation
+        y[m] = torque[j] * inverse_deviation
+        for link in range(rows.seen.shape[0]):
+            if sensors.depth[link] > j:
+                rows.seen[link, m] = 1.0
+                twist = motion.twist[sensors.depth[link]]
+                _lagged_row(row, twist, motion.twist[j], lag, rows.transformed, rows.matrix[link, m])
+        m += 1
+    return m
+
+
+@fused_kernel
+def _fill_link_sensor_rows(
+    sensors: SensorModel,
+    motion: Motion,
+    s: int,
+    wrench: np.ndarray,
+    variances: Variances,
+    lag: float,
+    m: int,
+    rows: MeasurementRows,
+) -> int:
+    """Fill the rows from m on with the wrench on link sensor s; returns the number of rows. Arguments as for
+    `fill_measurement_rows`."""
+    y, row = rows.value, rows.row
+    for i in range(6):
+        component = component_about(variances.link_origin[s], i)
+        inverse_deviation = 1.0 / math.sqrt(variances.link[s, i])
+        y[m] = 0.0
+        for k in range(6):
+            row[k] = component[k] * inverse_deviation
+            y[m] += row[k] * wrench[k]
+        for link in range(rows.seen.shape[0]):
+            if link >= sensors.first_link[s]:
+                rows.seen[link, m] = 1.0
+                twist = motion.twist[sensors.depth[link]]
+                _lagged_row(row, twist, motion.twist[0], lag, rows.transformed, rows.matrix[link, m])
+        m += 1
     return m
 
 
@@ -168,22 +212,28 @@ def rank_of(measurement: Measurement, links: np.ndarray, count: int, scratch: np
         for i in range(count):
             for k in range(6):
                 scratch[r, 6 * i + k] = rows.matrix[links[i], r, k] / size if size > 0.0 else 0.0
+    return _eliminated_rank(scratch, m, n)
+
+
+@fused_kernel
+def _eliminated_rank(A: np.ndarray, m: int, n: int) -> int:
+    """Rank of the first m rows and n columns of A, whose entries are at most about 1, by Gaussian elimination
+    with full pivoting; A is overwritten."""
     rank = 0
     for _ in range(min(m, n)):
-        # Gaussian elimination with full pivoting.
         best, row, column = 1e-9, -1, -1
         for r in range(rank, m):
             for c in range(n):
-                if abs(scratch[r, c]) > best:
-                    best, row, column = abs(scratch[r, c]), r, c
+                if abs(A[r, c]) > best:
+                    best, row, column = abs(A[r, c]), r, c
         if row < 0:
             break
         for c in range(n):
-            scratch[row, c], scratch[rank, c] = scratch[rank, c], scratch[row, c]
+            A[row, c], A[rank, c] = A[rank, c], A[row, c]
         for r in range(rank + 1, m):
-            factor = scratch[r, column] / scratch[rank, column]
+            factor = A[r, column] / A[rank, column]
             for c in range(n):
-                scratch[r, c] -= factor * scratch[rank, c]
-            scratch[r, column] = 0.0
+                A[r, c] -= factor * A[rank, c]
+            A[r, column] = 0.0
         rank += 1
     return rank

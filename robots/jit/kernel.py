@@ -307,16 +307,22 @@ def _dependencies(compiled: Any, dependencies: set[tuple[str, ...]], seen: set[A
         _declarations(hint, dependencies)
     for name in function.__code__.co_names:
         value = function.__globals__.get(name)
-        if isinstance(value, int | float | str | tuple | slice | np.dtype):
-            dependencies.add(("constant", name, repr(value)))
-        elif isinstance(value, np.ndarray):
-            dependencies.add(("constant", name, str(value.dtype), repr(value.tolist())))
-        elif isinstance(value, type):
-            path = getattr(sys.modules[value.__module__], "__file__", None)
-            if path is not None:
-                dependencies.add(("file", _relative_path(path)))
-        elif callable(value):
+        if callable(value) and not isinstance(value, type):
             _dependencies(value, dependencies, seen)
+        else:
+            _add_constant(name, value, dependencies)
+
+
+def _add_constant(name: str, value: object, dependencies: set[tuple[str, ...]]) -> None:
+    """Add a global of a module that a function refers to: a number, an array, or a class by its file."""
+    if isinstance(value, int | float | str | tuple | slice | np.dtype):
+        dependencies.add(("constant", name, repr(value)))
+    elif isinstance(value, np.ndarray):
+        dependencies.add(("constant", name, str(value.dtype), repr(value.tolist())))
+    elif isinstance(value, type):
+        path = getattr(sys.modules[value.__module__], "__file__", None)
+        if path is not None:
+            dependencies.add(("file", _relative_path(path)))
 
 
 def _declarations(hint: Any, dependencies: set[tuple[str, ...]]) -> None:

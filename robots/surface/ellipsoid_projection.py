@@ -5,6 +5,7 @@ from math import sqrt
 import numpy as np
 
 from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.vectors import Vector
 
 Dimensions = np.ndarray | tuple[float, ...]
 """Dimensions of a primitive, as `contactsense.robots.surface.convex_primitives` lists them by kind [m]."""
@@ -40,38 +41,9 @@ def nearest_on_ellipsoid(size: Dimensions, x: float, y: float, z: float) -> Proj
     if cc > smallest:
         remainder += (c * z / (offset + (cc - smallest))) ** 2
     if offset > 1e-14 * smallest or remainder >= 1.0:
-        w = offset  # t + smallest
-        for _ in range(60):
-            ia, ib, ic = w + (aa - smallest), w + (bb - smallest), w + (cc - smallest)
-            if ia <= 0.0 or ib <= 0.0 or ic <= 0.0:
-                # On the pole itself (short_squared = 0): step off it to the right.
-                w = 1e-15 * smallest
-                continue
-            ga, gb, gc = a * x / ia, b * y / ib, c * z / ic
-            F = ga * ga + gb * gb + gc * gc - 1.0
-            slope = -2.0 * (ga * ga / ia + gb * gb / ib + gc * gc / ic)
-            if slope == 0.0:
-                break
-            step = -F / slope
-            w += step
-            if step <= 1e-16 * w:
-                break
-        px = aa * x / (w + (aa - smallest))
-        py = bb * y / (w + (bb - smallest))
-        pz = cc * z / (w + (cc - smallest))
+        px, py, pz = _by_newton(size, x, y, z, offset)
     else:
-        # Deep inside, in the plane of symmetry across a shortest axis: both sides are equally near, take the
-        # plus side.
-        px = aa * x / (aa - smallest) if aa > smallest else 0.0
-        py = bb * y / (bb - smallest) if bb > smallest else 0.0
-        pz = cc * z / (cc - smallest) if cc > smallest else 0.0
-        height = sqrt(smallest * max(0.0, 1.0 - px * px / aa - py * py / bb - pz * pz / cc))
-        if aa == smallest:
-            px = height if x >= 0.0 else -height
-        elif bb == smallest:
-            py = height if y >= 0.0 else -height
-        else:
-            pz = height if z >= 0.0 else -height
+        px, py, pz = _across_shortest_axis(size, x, y, z)
     nx, ny, nz = px / aa, py / bb, pz / cc
     norm = sqrt(nx * nx + ny * ny + nz * nz)
     nx, ny, nz = nx / norm, ny / norm, nz / norm
@@ -80,3 +52,45 @@ def nearest_on_ellipsoid(size: Dimensions, x: float, y: float, z: float) -> Proj
     if (x / a) ** 2 + (y / b) ** 2 + (z / c) ** 2 < 1.0:
         distance = -distance
     return distance, px, py, pz, nx, ny, nz
+
+
+@kernel
+def _by_newton(size: Dimensions, x: float, y: float, z: float, left: float) -> Vector:
+    """Nearest point by the largest root t of F; `left`: left end of its bracket, as t + min(a_i^2)."""
+    a, b, c = size[0], size[1], size[2]
+    aa, bb, cc = a * a, b * b, c * c
+    smallest = min(aa, min(bb, cc))
+    w = left  # t + smallest
+    for _ in range(60):
+        ia, ib, ic = w + (aa - smallest), w + (bb - smallest), w + (cc - smallest)
+        if ia <= 0.0 or ib <= 0.0 or ic <= 0.0:
+            # On the pole itself, without a part along a shortest axis: step off it to the right.
+            w = 1e-15 * smallest
+            continue
+        ga, gb, gc = a * x / ia, b * y / ib, c * z / ic
+        F = ga * ga + gb * gb + gc * gc - 1.0
+        slope = -2.0 * (ga * ga / ia + gb * gb / ib + gc * gc / ic)
+        if slope == 0.0:
+            break
+        step = -F / slope
+        w += step
+        if step <= 1e-16 * w:
+            break
+    return aa * x / (w + (aa - smallest)), bb * y / (w + (bb - smallest)), cc * z / (w + (cc - smallest))
+
+
+@kernel
+def _across_shortest_axis(size: Dimensions, x: float, y: float, z: float) -> Vector:
+    """Nearest point of one deep inside, in the plane of symmetry across a shortest axis: both sides are
+    equally near, take the plus side."""
+    aa, bb, cc = size[0] * size[0], size[1] * size[1], size[2] * size[2]
+    smallest = min(aa, min(bb, cc))
+    px = aa * x / (aa - smallest) if aa > smallest else 0.0
+    py = bb * y / (bb - smallest) if bb > smallest else 0.0
+    pz = cc * z / (cc - smallest) if cc > smallest else 0.0
+    height = sqrt(smallest * max(0.0, 1.0 - px * px / aa - py * py / bb - pz * pz / cc))
+    if aa == smallest:
+        return height if x >= 0.0 else -height, py, pz
+    if bb == smallest:
+        return px, height if y >= 0.0 else -height, pz
+    return px, py, height if z >= 0.0 else -height

@@ -140,6 +140,22 @@ def linearize(
             by_link[:, joints:] = inertial_columns(arm, smooth, arm.gravity, bandwidth, keep)[:, joints:]
         by_link[:, joints:] = np.einsum("ij,mjlp->milp", arm.to_base_sensor, by_link[:, joints:])
         slopes += [(number, by_link[:, :, link, column], None) for number, (link, column) in links]
+    return _rows(recording, residual[keep], slopes, keep)
+
+
+def _rows(
+    recording: FreeMotion, residual: np.ndarray, slopes: list[tuple[int, np.ndarray, int | None]], keep: slice
+) -> list[Rows]:
+    """The rows of each channel that was recorded.
+
+    Args:
+        recording: Contact-free motion.
+        residual: Residuals of the samples `keep`, shape (N, n + 6).
+        slopes: For each parameter its number, its derivatives, of the same shape, and the only channel that
+            it changes, if it is one.
+        keep: Which samples are used.
+    """
+    joints = recording.q.shape[1]
     moving = recently_moved(recording)[keep]
     usable = recording.usable[keep]
     dt = keep.step * sample_time(recording)
@@ -152,7 +168,7 @@ def linearize(
         ]
         own = [(number, column) for number, column in own if np.any(column)]
         counts = usable & moving[:, channel] if channel < joints else usable
-        rows.append(Rows.of(channel, residual[keep, channel], own, counts, dt))
+        rows.append(Rows.of(channel, residual[:, channel], own, counts, dt))
     return rows
 
 

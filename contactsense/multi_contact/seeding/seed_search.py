@@ -116,13 +116,7 @@ def _seed_triples(model: SampleModel, seeding: SeedingBuffers) -> None:
     chosen, scores = seed_samples.coarse, seeding.seed_score
     found = SeedList(3, scores, seeding.seed, seed_samples.primitive, seeding.point_normal)
     deviations = force_deviations(model.force_scale, model.friction_ratio)
-    for d in range(chosen.link.shape[0]):
-        for e in range(chosen.filled[d]):
-            S = seeding.contact_covariance[d * LANES + e]
-            for r in range(m):
-                for s in range(r + 1):
-                    S[r, s] = 0.0
-            add_sample_covariance(model, chosen.sample[d, e], seeding, S)
+    _fill_contact_covariances(model, seeding)
     for t in range(seeding.beam_score.shape[0]):
         if seeding.beam_score[t] == -math.inf:
             break
@@ -147,6 +141,19 @@ def _seed_triples(model: SampleModel, seeding: SeedingBuffers) -> None:
                 slot = find_slot(found, score, samples)
                 if slot >= 0 and _all_push(m, d * LANES + e, (i, k, j), seeding):
                     put_seed(found, score, samples, slot)
+
+
+@fused_kernel
+def _fill_contact_covariances(model: SampleModel, seeding: SeedingBuffers) -> None:
+    """Fill the covariance of the measurement that a contact at each coarse sample causes."""
+    chosen, (_, m) = model.samples.coarse, model.measurement
+    for d in range(chosen.link.shape[0]):
+        for e in range(chosen.filled[d]):
+            S = seeding.contact_covariance[d * LANES + e]
+            for r in range(m):
+                for s in range(r + 1):
+                    S[r, s] = 0.0
+            add_sample_covariance(model, chosen.sample[d, e], seeding, S)
 
 
 @fused_kernel

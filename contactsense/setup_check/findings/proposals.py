@@ -1,6 +1,6 @@
 """The value of a line of the scene, as it would be written there."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from math import ceil, log10
 
@@ -32,6 +32,7 @@ from contactsense.setup_check.lines import (
     TOOL,
     TOOL_COM,
     TOOL_MASS,
+    TORQUE_MEANING,
     TORQUE_ORDER,
     TORQUE_SIGN,
     TORQUE_SIGNAL,
@@ -51,47 +52,42 @@ _NAMED = {"table": (0.0, 0.0, -1.0), "ceiling": (0.0, 0.0, 1.0), "wall": (1.0, 0
 
 def line_value(line: Line, setup: Setup, scene: Scene) -> tuple[str, str]:
     """The line's value in a setup, and a remark on how it differs from the scene's (may be empty)."""
-    if line == ROBOT:
-        return setup.robot, ""
-    if line == ANGLE_UNIT:
-        if setup.angle_unit == 1.0:
-            return "rad", ""
-        return ("deg", "they are in degrees") if setup.angle_unit < 1.0 else ("rad", "converted twice")
-    if line == MOUNTING:
-        return _mounting(setup, scene)
-    if line == GRAVITY:
-        return f"{round(float(np.linalg.norm(setup.gravity)), 4):g}", ""
-    if line in (TOOL, TOOL_MASS, TOOL_COM):
-        mass, com = f"{setup.mass:.3g}", _vector(setup.com, 3)
-        return {TOOL_MASS: mass, TOOL_COM: com}.get(line, f"mass {mass}, com {com}"), ""
     link = loaded_link(scene, line)
     if link is not None:
         return _inertia(link, setup)
     field = sensor_of(scene, line)
     if field is not None:
         return _of_sensor(line, field, setup, scene)
-    if line == TORQUE_SIGN:
-        own = not (setup.gain < 0.0).any()
-        sign = scene.joint_torque.sign if scene.joint_torque is not None else "by_actuator"
-        return sign if own else {"by_actuator": "on_arm", "on_arm": "by_actuator"}[sign], ""
-    if line == ANGLE_ORDER:
-        return _places(setup.angle_order), ""
-    if line == ZEROS:
-        return _zeros(setup, scene), ""
-    if line == TORQUE_ORDER:
-        return _places(setup.torque_order), ""
-    if line == DELAYED_TORQUES:
-        late = round(1e3 * setup.torque_delay)
-        return "none" if late == 0 else f"{abs(late)} ms {'late' if late > 0 else 'early'}", ""
-    if line == FROZEN_TORQUES:
-        still = zip(scene.robot.joints, setup.gain, strict=True)
-        return ", ".join(joint.name for joint, gain in still if gain == 0.0) or "none", ""
     if line == torque_scale(scene):
         return _torque_scale(setup, scene)
-    if line == TORQUE_SIGNAL:
-        stated = scene.joint_torque.signal if scene.joint_torque is not None else ""
-        return meant_signal(scene) if reads_other_signal(setup, scene) else (stated, "")
-    return setup.meaning, ""
+    return _VALUES[line](setup, scene)
+
+
+def _angle_unit(setup: Setup, scene: Scene) -> tuple[str, str]:
+    if setup.angle_unit == 1.0:
+        return "rad", ""
+    return ("deg", "they are in degrees") if setup.angle_unit < 1.0 else ("rad", "converted twice")
+
+
+def _torque_sign(setup: Setup, scene: Scene) -> tuple[str, str]:
+    own = not (setup.gain < 0.0).any()
+    sign = scene.joint_torque.sign if scene.joint_torque is not None else "by_actuator"
+    return sign if own else {"by_actuator": "on_arm", "on_arm": "by_actuator"}[sign], ""
+
+
+def _torque_signal(setup: Setup, scene: Scene) -> tuple[str, str]:
+    stated = scene.joint_torque.signal if scene.joint_torque is not None else ""
+    return meant_signal(scene) if reads_other_signal(setup, scene) else (stated, "")
+
+
+def _torque_delay(setup: Setup, scene: Scene) -> tuple[str, str]:
+    late = round(1e3 * setup.torque_delay)
+    return "none" if late == 0 else f"{abs(late)} ms {'late' if late > 0 else 'early'}", ""
+
+
+def _frozen_torques(setup: Setup, scene: Scene) -> tuple[str, str]:
+    still = zip(scene.robot.joints, setup.gain, strict=True)
+    return ", ".join(joint.name for joint, gain in still if gain == 0.0) or "none", ""
 
 
 def _of_sensor(line: Line, field: str, setup: Setup, scene: Scene) -> tuple[str, str]:
@@ -249,3 +245,23 @@ def _axis(axis: np.ndarray) -> str:
     letters = zip("xyz", axis, strict=True)
     named = [f"-{letter}" if x < 0.0 else letter for letter, x in letters if x != 0.0]
     return named[0] if len(named) == 1 else _vector(axis, 0)
+
+
+_VALUES: dict[Line, Callable[[Setup, Scene], tuple[str, str]]] = {
+    ROBOT: lambda setup, _: (setup.robot, ""),
+    ANGLE_UNIT: _angle_unit,
+    ANGLE_ORDER: lambda setup, _: (_places(setup.angle_order), ""),
+    ZEROS: lambda setup, scene: (_zeros(setup, scene), ""),
+    MOUNTING: _mounting,
+    GRAVITY: lambda setup, _: (f"{round(float(np.linalg.norm(setup.gravity)), 4):g}", ""),
+    TOOL: lambda setup, _: (f"mass {setup.mass:.3g}, com {_vector(setup.com, 3)}", ""),
+    TOOL_MASS: lambda setup, _: (f"{setup.mass:.3g}", ""),
+    TOOL_COM: lambda setup, _: (_vector(setup.com, 3), ""),
+    TORQUE_SIGN: _torque_sign,
+    TORQUE_SIGNAL: _torque_signal,
+    TORQUE_MEANING: lambda setup, _: (setup.meaning, ""),
+    TORQUE_ORDER: lambda setup, _: (_places(setup.torque_order), ""),
+    DELAYED_TORQUES: _torque_delay,
+    FROZEN_TORQUES: _frozen_torques,
+}
+"""Value and remark of the lines that are the same in every scene."""

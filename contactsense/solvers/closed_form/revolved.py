@@ -203,6 +203,37 @@ def _revolved(wrench: Wrench, half: float, lower: float, upper: float, r: float)
     side, taper = _side(wrench, body)
     if side.outside <= 0.0:
         return on_lateral(OK, wrench, side.ex, side.ey, side.z, side.rho, taper)
+    best, end = _nearer_end(wrench, body, side, up, over_cap)
+    if best > 0.0:
+        # The iteration failed, or rounding errors put the contact beside a seam.
+        found, trial = _bisected(wrench, body)
+        if found:
+            return _on_end(wrench, r, trial)
+    if best > PATCH_TOLERANCE * reach:
+        return _global_search(wrench, body)
+    if end.outside < FAR:
+        return _on_end(wrench, r, end)
+    if over_cap <= side.outside:
+        return _on_cap(wrench, cap_x, cap_y, top)
+    return on_lateral(OK, wrench, side.ex, side.ey, side.z, side.rho, taper)
+
+
+@kernel
+def _nearer_end(wrench: Wrench, body: Body, side: Side, up: bool, over_cap: float) -> tuple[float, End]:
+    """Search the rounded ends beside cap and side.
+
+    Args:
+        wrench: Wrench on the body.
+        body: The body.
+        side: The contact on the side.
+        up: Whether the upper cap is the one that the force pushes on.
+        over_cap: How far beyond the rim the contact on that cap is.
+
+    Returns:
+        How far the contact is outside the patch that is nearest to it: cap, side or an end. And the contact
+        on that end; `FAR` outside if no end is nearest.
+    """
+    r, reach, cos_beta, sin_beta = body.r, body.reach, body.cos_beta, body.sin_beta
     best = min(over_cap, side.outside)
     # The ends: first the one that the side, or else the cap, points at.
     first = side.z > r * sin_beta if side.outside < FAR else up
@@ -232,18 +263,7 @@ def _revolved(wrench: Wrench, half: float, lower: float, upper: float, r: float)
         trial = _end(wrench, body, at_top, c, s)
         if trial.outside < best:
             best, end = trial.outside, trial
-    if best > 0.0:
-        # The iteration failed, or rounding errors put the contact beside a seam.
-        found, trial = _bisected(wrench, body)
-        if found:
-            return _on_end(wrench, r, trial)
-    if best > PATCH_TOLERANCE * reach:
-        return _global_search(wrench, body)
-    if end.outside < FAR:
-        return _on_end(wrench, r, end)
-    if over_cap <= side.outside:
-        return _on_cap(wrench, cap_x, cap_y, top)
-    return on_lateral(OK, wrench, side.ex, side.ey, side.z, side.rho, taper)
+    return best, end
 
 
 @kernel

@@ -195,7 +195,7 @@ def _scatter(
     L: np.ndarray, M: np.ndarray, out: EliminationArrays, u: np.ndarray, k0: int, k1: int, knots: int
 ) -> None:
     """Add one window's part of the Schur complement to the matrix, and that of the gradient."""
-    G, LG, H, Y, E = out.G, out.LG, out.H, out.Y, out.E
+    G, LG, Y, index = out.G, out.LG, out.Y, out.unknown
     local = 6 + M.shape[1]
     # What is left of the right-hand side once the wrench is explained.
     for i in range(6):
@@ -203,8 +203,24 @@ def _scatter(
     for i in range(3):
         out.wrench[i] = u[i]
         out.wrench[3 + i] = G[3 + i, 0] * u[0] + G[3 + i, 1] * u[1] + G[3 + i, 2] * u[2] + G[3 + i, 3] * u[3]
-    # Y = chol(H)^-1 [G^T L E, G^T M].
+    for c in range(3):
+        index[c], index[3 + c] = 3 * k0 + c, 3 * k1 + c
+    for c in range(6, local):
+        index[c] = 3 * knots + c - 6
+    _scatter_direct(L, M, out)
+    _solve_coupling(M, out)
     for c in range(local):
+        for d in range(local):
+            out.matrix[index[c], index[d]] -= (
+                Y[0, c] * Y[0, d] + Y[1, c] * Y[1, d] + Y[2, c] * Y[2, d] + Y[3, c] * Y[3, d]
+            )
+
+
+@kernel
+def _solve_coupling(M: np.ndarray, out: EliminationArrays) -> None:
+    """Y = chol(H)^-1 [G^T L E, G^T M]: how the window's wrench depends on the other unknowns."""
+    G, LG, H, Y, E = out.G, out.LG, out.H, out.Y, out.E
+    for c in range(6 + M.shape[1]):
         for i in range(4):
             if c < 6:
                 s = LG[3, i] * E[c, 0] + LG[4, i] * E[c, 1] + LG[5, i] * E[c, 2]
@@ -215,11 +231,13 @@ def _scatter(
             for k in range(i):
                 s -= H[i, k] * Y[k, c]
             Y[i, c] = s / H[i, i]
-    S, g, index = out.matrix, out.gradient, out.unknown
-    for c in range(3):
-        index[c], index[3 + c] = 3 * k0 + c, 3 * k1 + c
-    for c in range(6, local):
-        index[c] = 3 * knots + c - 6
+
+
+@kernel
+def _scatter_direct(L: np.ndarray, M: np.ndarray, out: EliminationArrays) -> None:
+    """Add the part of matrix and gradient that does not come from eliminating the window's wrench."""
+    E, S, g, index = out.E, out.matrix, out.gradient, out.unknown
+    local = 6 + M.shape[1]
     for c in range(6):
         e0 = L[3, 3] * E[c, 0] + L[3, 4] * E[c, 1] + L[3, 5] * E[c, 2]
         e1 = L[4, 3] * E[c, 0] + L[4, 4] * E[c, 1] + L[4, 5] * E[c, 2]
@@ -236,8 +254,3 @@ def _scatter(
         for i in range(6):
             s += M[i, c - 6] * out.wrench[i]
         g[index[c]] += s
-    for c in range(local):
-        for d in range(local):
-            S[index[c], index[d]] -= (
-                Y[0, c] * Y[0, d] + Y[1, c] * Y[1, d] + Y[2, c] * Y[2, d] + Y[3, c] * Y[3, d]
-            )
