@@ -4,7 +4,7 @@ import json
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import click
 from rich.console import Console
@@ -44,6 +44,17 @@ _COLUMNS = (
     "begin\ns", "link", "P", "force\nN", "duration\ns", "impulse\nN s", "place in link\nmm", "speed\nm/s",
 )  # fmt: skip
 """Headings of the table of contacts; it is 80 columns wide."""
+
+
+class _Options(NamedTuple):
+    """How single recordings are read, and what is written."""
+
+    scene: Scene | None
+    """None: the scene that each recording carries."""
+    limits: ForceLimits | None
+    mapping: ColumnMapping
+    estimates: bool
+    mcap: bool
 
 
 @click.command()
@@ -112,36 +123,24 @@ def analyze(
         from contactsense.service.cli.analyze_fleet import analyze_dataset
 
         analyze_dataset(files, scene_path, out, workers or 1, scheduler, as_json)
-        return
-    try:
-        scene = None if scene_path is None else Scene.load(scene_path)
-        limits = None if limits_path is None else ForceLimits.load(limits_path)
-        mapping = ColumnMapping.parse(columns)
-    except (SceneError, LimitsError, MappingError) as error:
-        raise click.ClickException(str(error)) from None
+    else:
+        _analyze_files(files, _options(scene_path, limits_path, columns, estimates, mcap), out, as_json)
+
+
+def _analyze_files(files: tuple[Path, ...], options: _Options, out: Path, as_json: bool) -> None:
+    """Analyse single recordings, and print what was found."""
     folders = _folders(files, out)
     for folder in folders:
         for name in _TABLES:
             check_no_input("--out", folder / name, files)
     results: list[dict[str, Any]] = []
-    skipped = 0
     unjudged: list[Path] = []
+    analysed = 0
     for path, folder in zip(files, folders, strict=True):
-        try:
-            own = scene_in(path) if scene is None else scene
-            file = RecordingFile(path, own, mapping)
-            found = _analyze(file, own, limits, estimates, folder)
-            if mcap:
-                recording = file.read()
-                export(recording, folder / "contacts.mcap", contact_arrows(found, recording))
-        except RecordingError as error:
-            if len(files) == 1:
-                raise click.ClickException(str(error)) from None
-            click.echo(f"contactsense: {error}; skipped", err=True)
-            skipped += 1
+        found = _analyze_or_skip(path, options, folder, is_only=len(files) == 1)
+        if found is None:
             continue
-        except OSError as error:
-            raise click.ClickException(f"{error.filename or folder}: cannot write: {reason(error)}") from None
+        analysed += 1
         if not found.judged:
             unjudged.append(path)
         if as_json:
@@ -152,10 +151,25 @@ def analyze(
         click.echo(json.dumps(results, indent=1))
     for path in unjudged:
         click.echo(f"contactsense: {path}: {UNJUDGED}", err=True)
-    if skipped:
-        raise click.ClickException(f"recordings that were skipped: {skipped} of {len(files)}")
+    if analysed < len(files):
+        raise click.ClickException(f"recordings that were skipped: {len(files) - analysed} of {len(files)}")
     if unjudged:
         sys.exit(1)
+
+
+def _options(
+    scene: Path | None, limits: Path | None, columns: str | None, estimates: bool, mcap: bool
+) -> _Options:
+    try:
+        return _Options(
+            None if scene is None else Scene.load(scene),
+            None if limits is None else ForceLimits.load(limits),
+            ColumnMapping.parse(columns),
+            estimates,
+            mcap,
+        )
+    except (SceneError, LimitsError, MappingError) as error:
+        raise click.ClickException(str(error)) from None
 
 
 def _is_folder(path: Path) -> bool:
@@ -176,26 +190,45 @@ def _folders(files: tuple[Path, ...], out: Path) -> list[Path]:
     return [out / stem for stem in stems]
 
 
-def _analyze(
-    file: RecordingFile, scene: Scene, limits: ForceLimits | None, estimates: bool, folder: Path
-) -> Analysis:
-    folder.mkdir(parents=True, exist_ok=True)  # if that fails, no long analysis is lost
-    with Progress(
-        TextColumn("{task.description}", markup=False), BarColumn(), TimeRemainingColumn(),
-        console=Console(stderr=True), transient=True,
-    ) as progress:  # fmt: skip
-        task = progress.add_task(file.path.name, total=file.rows)
-        found = run(
-            file,
-            scene,
-            estimates=estimates,
-            limits=limits,
-            progress=lambda count: progress.advance(task, count),
-        )
-    write_contacts(from_folder(found.to_arrow(), file.path, folder), folder)
-    if found.estimates is not None:
-        write_parquet(found.estimates, folder / "estimates.parquet")
-    write_report(found, folder)
+def _analyze_or_skip(path: Path, options: _Options, folder: Path, *, is_only: bool) -> Analysis | None:
+    """As `_analyze`; a recording that cannot be read is reported and skipped (None), unless it is the only
+    one."""
+    try:
+        return _analyze(path, options, folder)
+    except RecordingError as error:
+        if is_only:
+            raise click.ClickException(str(error)) from None
+        click.echo(f"contactsense: {error}; skipped", err=True)
+        return None
+
+
+def _analyze(path: Path, options: _Options, folder: Path) -> Analysis:
+    """Analyse one recording, and write its tables and its report."""
+    try:
+        scene = scene_in(path) if options.scene is None else options.scene
+        file = RecordingFile(path, scene, options.mapping)
+        folder.mkdir(parents=True, exist_ok=True)  # if that fails, no long analysis is lost
+        with Progress(
+            TextColumn("{task.description}", markup=False), BarColumn(), TimeRemainingColumn(),
+            console=Console(stderr=True), transient=True,
+        ) as progress:  # fmt: skip
+            task = progress.add_task(file.path.name, total=file.rows)
+            found = run(
+                file,
+                scene,
+                estimates=options.estimates,
+                limits=options.limits,
+                progress=lambda count: progress.advance(task, count),
+            )
+        write_contacts(from_folder(found.to_arrow(), file.path, folder), folder)
+        if found.estimates is not None:
+            write_parquet(found.estimates, folder / "estimates.parquet")
+        write_report(found, folder)
+        if options.mcap:
+            recording = file.read()
+            export(recording, folder / "contacts.mcap", contact_arrows(found, recording))
+    except OSError as error:
+        raise click.ClickException(f"{error.filename or folder}: cannot write: {reason(error)}") from None
     return found
 
 

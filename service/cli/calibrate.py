@@ -89,14 +89,7 @@ def calibrate(
     errors = Console(stderr=True, markup=False)
     try:
         scene = Scene.load(path)
-        mapping = ColumnMapping.parse(columns)
-        stretches: list[FreeMotion] = []
-        for recording in recordings:
-            found_here, problems = read_free_motion(recording, scene, mapping)
-            _in_radians(recording, scene, found_here)
-            stretches += found_here
-            for problem in problem_lines(problems):
-                errors.print(f"{recording}: {problem}", soft_wrap=True)
+        stretches = _stretches(recordings, scene, ColumnMapping.parse(columns), errors)
         groups = default_groups(scene, stretches)
         if links:
             groups = (*(group for group in groups if group not in ("gain", "payload")), "links")
@@ -117,10 +110,8 @@ def calibrate(
             from contactsense.service.cli.calibration_report import write_report
 
             write_report(report, found, sections, stretches, scene)
-        if in_place and target is not None:
-            write_text(_former(path), path.read_text(encoding="utf-8"))
         if target is not None:
-            write_text(target, scene_text(path, found.scene, target))
+            _write(path, found.scene, target, keep_former=in_place)
     except OSError as error:
         raise click.ClickException(f"{error.filename}: cannot write: {error.strerror}") from None
     if as_json:
@@ -131,6 +122,20 @@ def calibrate(
             _print_everything(found, scene)
     if against:
         ctx.exit(3)
+
+
+def _stretches(
+    recordings: tuple[Path, ...], scene: Scene, mapping: ColumnMapping, errors: Console
+) -> list[FreeMotion]:
+    """The motion in all recordings; what was left out is printed."""
+    found: list[FreeMotion] = []
+    for recording in recordings:
+        here, problems = read_free_motion(recording, scene, mapping)
+        _in_radians(recording, scene, here)
+        found += here
+        for problem in problem_lines(problems):
+            errors.print(f"{recording}: {problem}", soft_wrap=True)
+    return found
 
 
 def _check_report(folder: Path) -> None:
@@ -144,6 +149,13 @@ def _check_report(folder: Path) -> None:
         raise click.ClickException(
             f"plots need matplotlib: {install_command('geometry')} ({error})"
         ) from None
+
+
+def _write(path: Path, scene: Scene, target: Path, *, keep_former: bool) -> None:
+    """Write the calibrated scene of the file `path`; `keep_former`: first write that file as it was."""
+    if keep_former:
+        write_text(_former(path), path.read_text(encoding="utf-8"))
+    write_text(target, scene_text(path, scene, target))
 
 
 def _former(path: Path) -> Path:

@@ -161,18 +161,7 @@ def print_check(found: SetupCheck, console: Console) -> None:
         console.print("Not explained by any of these lines (a contact, another signal, a fault?):")
         for text in found.unexplained:
             console.print(f"  {text}", highlight=False, markup=False)
-    recorded = [item for item in found.findings if item.remark != NOT_RECORDED]
-    untold = [item for item in recorded if item.verdict == "cannot_tell"]
-    if untold and len(untold) == len(recorded) and found.unexplained:
-        # A push hides what the lines would give: moving more joints would not help.
-        console.print(
-            "Something may have touched the arm: repeat without contact. If the same remains, move more "
-            "joints, further or faster.",
-            highlight=False,
-            soft_wrap=True,
-        )
-    elif untold:
-        console.print("To determine the other lines, move more joints, further or faster.", highlight=False)
+    _print_advice(found, console)
     left = _listed(found.residuals)
     text = ", ".join(f"{name} {value:.2g} {unit}" for name, (value, unit) in left.items())
     console.print(f"{found.seconds:.1f} s of motion", highlight=False)
@@ -199,6 +188,22 @@ def print_check(found: SetupCheck, console: Console) -> None:
             highlight=False,
             markup=False,
         )
+
+
+def _print_advice(found: SetupCheck, console: Console) -> None:
+    """Print what would determine the lines that are not."""
+    recorded = [item for item in found.findings if item.remark != NOT_RECORDED]
+    untold = [item for item in recorded if item.verdict == "cannot_tell"]
+    if untold and len(untold) == len(recorded) and found.unexplained:
+        # A push hides what the lines would give: moving more joints would not help.
+        console.print(
+            "Something may have touched the arm: repeat without contact. If the same remains, move more "
+            "joints, further or faster.",
+            highlight=False,
+            soft_wrap=True,
+        )
+    elif untold:
+        console.print("To determine the other lines, move more joints, further or faster.", highlight=False)
 
 
 def _explained(item: Finding) -> str:

@@ -133,9 +133,8 @@ def decompose(
     if measure is not None:
         _write(measured_again(robot, surfaces, measure), out)
         return
-    for link in () if rigid else robot.link_names:
-        if link not in surfaces:
-            click.echo(f"warning: {link}: no visual shape; it gets no primitives", err=True)
+    if not rigid:
+        _warn_of_missing_shapes(robot, surfaces)
     start = time.perf_counter()
     fits = fit_all(robot, surfaces, options, jobs)
     seconds = time.perf_counter() - start
@@ -148,18 +147,14 @@ def decompose(
     for line in beyond_tolerance({name: fit.p95 for name, fit in best.items()}, options.tolerance):
         click.echo(line, err=True)
     command = _command(arm, options, most, tip, rigid, scale)
-    if as_tool:
-        text = _tool_yaml(robot, best["tool"], command, source or Path(arm).name)
-    elif as_body:
-        text = _body_yaml(robot, best["tool"], command, source or Path(arm).name)
+    if rigid:
+        rigid_yaml = _tool_yaml if as_tool else _body_yaml
+        text = rigid_yaml(robot, best["tool"], command, source or Path(arm).name)
     else:
         text = _yaml(robot, fits, chosen, command, seconds, source)
     _write(text, out)
     if picture is not None:
-        try:
-            _draw(robot, surfaces, best, picture)
-        except OSError as error:
-            raise click.ClickException(str(error)) from error
+        _draw(robot, surfaces, best, picture)
 
 
 def _rigid_option(as_tool: bool, as_body: bool) -> str:
@@ -181,6 +176,13 @@ def _check_combination(rigid: str, links_given: bool, scale: float) -> None:
         raise click.UsageError(f"{rigid}: expected no --meshes and no --tip: ARM is a single body")
     if not rigid and scale != 1.0:
         raise click.UsageError("--scale: expected --as-tool or --as-body: the meshes of an arm are in metres")
+
+
+def _warn_of_missing_shapes(robot: Robot, surfaces: Mapping[str, object]) -> None:
+    """Warn of links without a mesh."""
+    for link in robot.link_names:
+        if link not in surfaces:
+            click.echo(f"warning: {link}: no visual shape; it gets no primitives", err=True)
 
 
 def _warn_of_scale(too_large: Mapping[str, tuple[float, float]]) -> None:
@@ -264,7 +266,10 @@ def _draw(robot: Robot, meshes: "dict[str, trimesh.Trimesh]", best: "dict[str, F
     with Progress(*PROGRESS_COLUMNS, console=Console(stderr=True)) as progress:
         task = progress.add_task("picture: links", total=len(best))
         bodies = {name: fit.bodies for name, fit in best.items()}
-        draw_fits(robot, meshes, bodies, path, drawn=lambda: progress.advance(task))
+        try:
+            draw_fits(robot, meshes, bodies, path, drawn=lambda: progress.advance(task))
+        except OSError as error:
+            raise click.ClickException(str(error)) from error
 
 
 def _command(
