@@ -54,7 +54,13 @@ from contactsense.setup_check.search.wrong_lines import searched
 from contactsense.setup_check.setup import Free, Setup
 from contactsense.setup_check.terms.instants import without_gaps
 from contactsense.setup_check.terms.motion_basis import MotionBases, Readings
-from contactsense.setup_check.usable_recordings import AT_RANGE, FROZEN, check_usable, with_all_sensors
+from contactsense.setup_check.usable_recordings import (
+    AT_RANGE,
+    FROZEN,
+    TOO_SHORT,
+    check_usable,
+    sensors_too_short,
+)
 
 _MOVES, _MOVING_SHARE = 0.02, 0.3
 """A joint moves if it is faster than this [rad/s] for more than this share of the time."""
@@ -72,28 +78,29 @@ def check(
     Args:
         scene: What is to be checked.
         recordings: Read under this scene; the base sensor's readings not shifted by its delay. A sensor that
-            is at its range is not used, nor is a recording that lacks a sensor of another one.
+            is at its range is not used. Each sensor is judged from the recordings that have it.
         progress: Called with the name of the next stage.
 
     Raises:
-        CheckError: The recordings are too short, or lack all sensors of the scene, or none has those of all.
+        CheckError: The recordings are too short, or lack all sensors of the scene.
         TypeError: `scene` or `recordings` is of another type.
     """
     check_scene(scene)
     check_recordings(recordings)
-    recordings = with_all_sensors(scene, recordings)
     saturated = saturated_sensors(scene, recordings)
     recordings = [without(part, saturated) for part in recordings]
     still = frozen_joints(scene, recordings)
     frozen = frozen_components(recordings)
     signals = frozen_findings(scene, recordings, still, frozen) if recordings else []
     unusable = {**dict.fromkeys(saturated, AT_RANGE), **dict.fromkeys(frozen, FROZEN)}
-    recordings = [without(part, tuple(frozen)) for part in recordings]
     if len(still) == len(scene.robot.joints):
         unusable["joint_torque"] = FROZEN
-        recordings = [replace(part, torque=None) for part in recordings]
+    recordings = [without(part, unusable) for part in recordings]
     parts = without_gaps(recordings)
     check_usable(scene, recordings, parts, unusable)
+    short = sensors_too_short(scene, recordings, parts)
+    unusable |= dict.fromkeys(short, TOO_SHORT)
+    parts = [without(part, short) for part in parts]
     velocities, wrong_joints = velocity_finding(scene, parts)
     parts = [with_own_velocities(part, wrong_joints) for part in parts] if wrong_joints.any() else parts
     signals.append(velocities)
@@ -103,8 +110,8 @@ def check(
     bases = MotionBases({scene.robot.name: scene, **others}, parts)
     fitter = Fitter(scene, bases, readings)
     largest = max(float(np.abs(part.q).max()) for part in parts)
-    torque, moving = readings.torque is not None, _moving(parts)
-    hypotheses = Hypotheses(scene, others, largest, torque, readings.wrenches, moving)
+    torque = readings.torque is not None
+    hypotheses = Hypotheses(scene, others, largest, torque, readings.wrenches, _moving(parts))
     setup = Setup.of(scene)
     setup.gain[list(still)] = 0.0
     wrong = [item for item in signals if item.verdict == "does_not_fit"]
@@ -142,8 +149,10 @@ def check(
 
 
 def _moving(parts: list[FreeMotion]) -> np.ndarray:
-    """Which joints move for a good part of the time, shape (n,), bool."""
-    faster = np.abs(np.concatenate([part.qd for part in parts])) > _MOVES
+    """Which joints move for a good part of the time in which their torques are measured, or of all if they
+    never are, shape (n,), bool."""
+    measured = [part for part in parts if part.torque is not None] or parts
+    faster = np.abs(np.concatenate([part.qd for part in measured])) > _MOVES
     return np.asarray(faster.mean(axis=0) > _MOVING_SHARE)
 
 

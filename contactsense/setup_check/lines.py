@@ -1,5 +1,8 @@
 """The lines of a scene that can be checked."""
 
+from collections.abc import Iterable
+
+from contactsense.calibration.free_motion import FreeMotion
 from contactsense.scene import Scene
 from contactsense.sensors.settings import CURRENTS
 from contactsense.setup_check.setup import BASE
@@ -90,6 +93,17 @@ def torque_scale(scene: Scene) -> Line:
 def wrench_fields(scene: Scene) -> tuple[str, ...]:
     """Fields of the force/torque sensors of a scene, the base sensor first."""
     return (*(() if scene.base_wrench is None else (BASE,)), *scene.link_sensors)
+
+
+def sensors_in(scene: Scene, part: FreeMotion) -> frozenset[str]:
+    """Fields of the scene's sensors that a recording has."""
+    torque = () if scene.joint_torque is None or part.torque is None else ("joint_torque",)
+    return frozenset((*torque, *(field for field in wrench_fields(scene) if field in part.readings)))
+
+
+def recorded_sensors(scene: Scene, recordings: Iterable[FreeMotion]) -> frozenset[str]:
+    """Fields of the scene's sensors that any of the recordings has."""
+    return frozenset[str]().union(*(sensors_in(scene, part) for part in recordings))
 
 
 def sensor_lines(field: str) -> tuple[Line, ...]:

@@ -1,13 +1,16 @@
 """Whether recordings can be used for a check of a scene."""
 
+from collections import Counter
 from collections.abc import Mapping
 
 from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.residuals.recording_residuals import GAP
 from contactsense.scene import Scene
+from contactsense.setup_check.lines import recorded_sensors, sensors_in
 from contactsense.setup_check.terms.instants import instants
 
 FROZEN, AT_RANGE = "its readings stay the same", "the sensor is at its range"
+TOO_SHORT = "it was recorded for less than 3 s"
 """Why a sensor is not used."""
 _MIN_ROWS = 7
 """Fewer instants are not enough."""
@@ -15,31 +18,6 @@ _MIN_ROWS = 7
 
 class CheckError(ValueError):
     """The recordings cannot be used for a check; the message gives the reason and a remedy."""
-
-
-def with_all_sensors(scene: Scene, recordings: list[FreeMotion]) -> list[FreeMotion]:
-    """The recordings that have every sensor of the scene that any of them has: all are compared together, and
-    one that lacks a sensor would hide what it reads in the others.
-
-    Raises:
-        CheckError: None has them all.
-    """
-    there = [sensors_in(scene, part) for part in recordings]
-    every = frozenset[str]().union(*there)
-    found = [part for part, own in zip(recordings, there, strict=True) if own == every]
-    if recordings and not found:
-        raise CheckError(
-            f"expected a recording with all of {', '.join(sorted(every))}, got them in different recordings: "
-            "check those one by one"
-        )
-    return found
-
-
-def sensors_in(scene: Scene, part: FreeMotion) -> frozenset[str]:
-    """Fields of the scene's sensors that a recording has."""
-    known = {"joint_torque": scene.joint_torque, "base_wrench": scene.base_wrench, **scene.link_sensors}
-    own = part.readings.keys() | ({"joint_torque"} if part.torque is not None else set())
-    return frozenset(field for field, sensor in known.items() if sensor is not None and field in own)
 
 
 def check_usable(
@@ -71,14 +49,24 @@ def check_usable(
         if reason == AT_RANGE:
             problem = f"{field}.range: expected readings within it, got readings that stay at it"
         raise CheckError(f"{recordings[0].name}: {problem}")
-    if all(part.torque is None or scene.joint_torque is None for part in recordings) and all(
-        part.reading is None or scene.base_wrench is None for part in recordings
-    ):
+    there = recorded_sensors(scene, recordings) & {"joint_torque", "base_wrench"}
+    if not there:
         raise CheckError(
             f"{recordings[0].name}: expected joint torques or base wrenches as in the scene, got neither"
         )
-    if sum(len(at.nodes) for at in instants(parts)) < _MIN_ROWS:
-        seconds = sum(part.seconds for part in recordings)
+    if there <= sensors_too_short(scene, recordings, parts):
+        seconds = max(
+            sum(part.seconds for part in recordings if field in sensors_in(scene, part)) for field in there
+        )
         raise CheckError(
             f"{recordings[0].name}: expected at least 3 s without gaps above {GAP} s, got {seconds:.2g} s"
         )
+
+
+def sensors_too_short(scene: Scene, recordings: list[FreeMotion], parts: list[FreeMotion]) -> frozenset[str]:
+    """Fields of the sensors that were recorded for too short a time to be judged; arguments as for
+    `check_usable`."""
+    rows = Counter[str]()
+    for part, at in zip(parts, instants(parts), strict=True):
+        rows.update(dict.fromkeys(sensors_in(scene, part), len(at.nodes)))
+    return frozenset(field for field in recorded_sensors(scene, recordings) if rows[field] < _MIN_ROWS)

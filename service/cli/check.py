@@ -26,7 +26,6 @@ from contactsense.service.sensors.live_free_motion import read_live_motion
 from contactsense.setup_check import CheckError, Finding, Residuals, SetupCheck
 from contactsense.setup_check import check as run
 from contactsense.setup_check.result import FITS_BETTER, NOT_RECORDED
-from contactsense.setup_check.usable_recordings import sensors_in, with_all_sensors
 
 _VERDICTS = {
     "fits": "fits",
@@ -127,13 +126,6 @@ def _recorded(
         parts += found
         for problem in problem_lines(problems):
             errors.print(f"{recording}: {problem}", soft_wrap=True)
-    used = with_all_sensors(scene, parts)
-    every = sensors_in(scene, used[0]) if used else frozenset()
-    for name, own in {part.name: sensors_in(scene, part) for part in parts}.items():
-        if own != every:
-            lacking = ", ".join(sorted(every - own))
-            text = f"{name}: not used, as it lacks {lacking}, which others have: check it alone"
-            errors.print(text, soft_wrap=True)
     return parts
 
 

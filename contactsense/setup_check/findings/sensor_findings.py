@@ -1,6 +1,6 @@
 """What readings say of a force/torque sensor by themselves: its range, and the bias of one within the arm."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,8 +20,9 @@ _SURE = 5.0
 
 
 def rms(values: np.ndarray) -> float | None:
-    """Root mean square; None where a value is missing."""
-    return float(np.sqrt(np.mean(values**2))) if np.isfinite(values).all() else None
+    """Root mean square of the values that are there; None where there is none."""
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(known**2))) if known.size else None
 
 
 def residuals_of(fit: Fit, fields: Sequence[str]) -> Residuals:
@@ -57,9 +58,10 @@ def saturated_sensors(scene: Scene, recordings: list[FreeMotion]) -> tuple[str, 
     return tuple(found)
 
 
-def without(part: FreeMotion, fields: tuple[str, ...]) -> FreeMotion:
-    """The recording without the readings of some sensors."""
-    return part.with_readings({name: x for name, x in part.readings.items() if name not in fields})
+def without(part: FreeMotion, fields: Collection[str]) -> FreeMotion:
+    """The recording without the readings of some sensors, by their fields of the scene."""
+    kept = part.with_readings({name: x for name, x in part.readings.items() if name not in fields})
+    return replace(kept, torque=None) if "joint_torque" in fields else kept
 
 
 def range_findings(

@@ -13,11 +13,14 @@ from contactsense.setup_check.lines import (
     FROZEN_VALUES,
     VELOCITIES,
     Line,
+    recorded_sensors,
+    sensors_in,
     signal_line,
     wrench_fields,
 )
 from contactsense.setup_check.result import Finding
 
+_COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 _LASTS = 1.0
 """No sensor has the same reading for so long [s] while the arm moves: its noise alone changes it."""
 _SAME = 1e-9
@@ -82,16 +85,21 @@ def frozen_findings(
 ) -> list[Finding]:
     """What `frozen_joints` and `frozen_components` say of the lines, for the signals that were recorded."""
     remark = "the same for a second or more while the arm moves: a lost field, or a fault"
-    moves = np.any([np.ptp(part.q, axis=0) > _MOVED for part in recordings], axis=0)
-    found = []
-    if scene.joint_torque is not None and all(part.torque is not None for part in recordings):
+
+    def moves(field: str) -> np.ndarray:
+        """Which joints move where the sensor is there, shape (n,), bool."""
+        own = [part for part in recordings if field in sensors_in(scene, part)]
+        return np.asarray(np.any([np.ptp(part.q, axis=0) > _MOVED for part in own], axis=0))
+
+    there, found = recorded_sensors(scene, recordings), []
+    if scene.joint_torque is not None and "joint_torque" in there:
         names = _named(scene, joints)
-        tells = moves.all() and scene.joint_torque.contains != "external"
+        tells = moves("joint_torque").all() and scene.joint_torque.contains != "external"
         found.append(_frozen_finding(FROZEN_TORQUES, names, remark, bool(tells)))
     for field in wrench_fields(scene):
-        if all(field in part.readings for part in recordings):
-            names = ", ".join(["fx", "fy", "fz", "mx", "my", "mz"][c] for c in sensors.get(field, ()))
-            found.append(_frozen_finding(signal_line(field, FROZEN_VALUES), names, remark, bool(moves.any())))
+        if field in there:
+            names, tells = ", ".join(_COMPONENTS[c] for c in sensors.get(field, ())), moves(field).any()
+            found.append(_frozen_finding(signal_line(field, FROZEN_VALUES), names, remark, bool(tells)))
     return found
 
 

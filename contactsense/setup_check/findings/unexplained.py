@@ -22,18 +22,18 @@ def unexplained_signals(scene: Scene, fitter: Fitter, readings: Readings, now: F
     N, also where they are read in other units."""
     n, fields = len(scene.robot.joints), wrench_fields(scene)
     per_unit = now.setup.per_unit(fields)
-    rms = np.sqrt(np.mean(now.residual**2, axis=0)) / per_unit
+    rms = now.rms / per_unit
     scale = [torque_scales(scene.robot)]
     variation = np.full(len(rms), np.inf)
     if readings.torque is not None:
-        variation[:n] = readings.torque.std(axis=0)
+        variation[:n] = np.nanstd(readings.torque, axis=0)
     names = [f"torque of {joint.name}" for joint in scene.robot.joints]
     for i, field in enumerate(fields):
         weight = scene.gravity * float(now.setup.carried(field)[:, 0].sum())
         lever = _TOOL_LEVER if now.setup.sensors[field].tool_alone else ARM_LEVER
         scale.append(np.repeat([weight, weight * lever], 3))
         if field in readings.wrenches:
-            variation[n + 6 * i :][:6] = readings.wrenches[field].std(axis=0)
+            variation[n + 6 * i :][:6] = np.nanstd(readings.wrenches[field], axis=0)
         names += [f"{label(field)} sensor's {what} {axis}" for what in ("force", "moment") for axis in "xyz"]
     large = (rms > _NOISE_FACTOR * fitter.noise) & (rms > _SHARE * variation / per_unit)
     large &= rms > UNEXPLAINED_SHARE * np.concatenate(scale)

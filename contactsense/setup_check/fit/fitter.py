@@ -2,7 +2,8 @@
 
 Biases, joint friction, rotors and the links' inertia are nuisances: linear, with priors about what is known
 of them, and solved for in every fit. The standard deviation sigma_c of each of the C channels is
-unknown and estimated. With N_c effective rows, twice the negative log posterior at its maximum is
+unknown and estimated. With N_c effective rows, of those in which the channel is measured, twice the negative
+log posterior at its maximum is
 
     cost = sum_c N_c ln(sigma_c^2)  +  penalty of the nuisances  +  k ln(sum_c N_c),
 
@@ -27,6 +28,7 @@ from contactsense.scene import JointTorqueSensor, Scene
 from contactsense.sensors.settings import per_joint
 from contactsense.setup_check.fit.equations import Equations, bordered, products
 from contactsense.setup_check.fit.place_jacobian import place_jacobian
+from contactsense.setup_check.fit.solution import Solution
 from contactsense.setup_check.lines import wrench_fields
 from contactsense.setup_check.setup import BASE, Free, Kind, Order, Setup, in_order
 from contactsense.setup_check.terms.motion_basis import MotionBases, MotionBasis, Readings
@@ -75,10 +77,16 @@ class Fit:
     std: np.ndarray
     """Standard deviations of the free parameters, with all nuisances unknown, shape (k,)."""
     residual: np.ndarray
-    """Of each row, shape (M, C) [Nm, or N and Nm]; NaN for a missing sensor."""
+    """Of each row, shape (M, C) [Nm, or N and Nm]; NaN where a recording lacks the sensor."""
     bias: Mapping[str, tuple[np.ndarray, np.ndarray]]
     """Of each measured force/torque sensor, by field: its bias beyond the setup's, as read, shape (6,) [N,
     Nm], and the standard deviations, all else that is estimated unknown."""
+
+    @property
+    def rms(self) -> np.ndarray:
+        """Root mean square of each channel's residual, shape (C,) [Nm, or N and Nm]; NaN: not measured."""
+        count = np.isfinite(self.residual).sum(axis=0)
+        return np.asarray(np.sqrt(np.nansum(self.residual**2, axis=0) / np.where(count > 0, count, np.nan)))
 
 
 class Fitter:
@@ -99,9 +107,10 @@ class Fitter:
         stated = np.concatenate([per_joint(torque.noise, n), *(np.repeat(pair, 3) for pair in noise)])
         self._floor = (_SMALLEST_SIGMA * stated) ** 2 * readings.variance_ratio
         self._fields = wrench_fields(scene)
-        there = [readings.torque is not None, *(field in readings.wrenches for field in self._fields)]
-        measured = np.repeat(there, [n] + [6] * len(self._fields))
-        self._channels = np.flatnonzero(measured)
+        measured = readings.measured(n, self._fields)
+        self._channels = np.flatnonzero(measured.any(axis=1))
+        self._measured = measured[self._channels]
+        self._counts = self._measured.sum(axis=1)
         self._known: dict[str, tuple[object, np.ndarray]] = {}
         self._stated: tuple[Setup, Equations] | None = None
         self.effective = np.ones(len(measured))
@@ -158,7 +167,7 @@ class Fitter:
 
     def cost(self, fit: Fit) -> float:
         """See the module."""
-        return self._cost(fit.variance, fit.penalty, fit.free, fit.std, len(fit.residual))
+        return self._cost(fit.variance, fit.penalty, fit.free, fit.std)
 
     def predicted_cost(self, start: Setup, free: tuple[Free, ...]) -> float:
         """The cost to expect of `fit`: that after its first step, if the prediction were linear."""
@@ -166,12 +175,10 @@ class Fitter:
         slopes = self._slopes(start, free, prior) if free else np.zeros((0, 0, 0))
         solved = self._solve(start, slopes, prior)
         std = solved.spread[: len(prior)] * prior
-        return self._cost(solved.variance, solved.penalty, free, std, len(solved.residual))
+        return self._cost(solved.variance, solved.penalty, free, std)
 
-    def _cost(
-        self, variance: np.ndarray, penalty: float, free: tuple[Free, ...], std: np.ndarray, count: int
-    ) -> float:
-        rows = count * self.effective[self._channels]
+    def _cost(self, variance: np.ndarray, penalty: float, free: tuple[Free, ...], std: np.ndarray) -> float:
+        rows = self._counts * self.effective[self._channels]
         sizes = [group.size for group in free]
         scale = np.repeat([_PRIOR[group.kind] for group in free], sizes)
         of_load = np.repeat([group.link is not None for group in free], sizes).astype(bool)
@@ -180,8 +187,10 @@ class Fitter:
 
     def offset(self, setup: Setup, field: str) -> np.ndarray:
         """What a force/torque sensor reads beyond the prediction without nuisances, as read, shape (6,)
-        [N, Nm]: the median, which a short contact does not change."""
-        return np.asarray(np.median(self._equations(setup).error[:, self._of(field)], axis=0))
+        [N, Nm]: the median, which a short contact does not change; NaN where it is missing."""
+        own = self._equations(setup).error[:, self._of(field)]
+        known = np.isfinite(own).all(axis=1)
+        return np.asarray(np.median(own[known], axis=0)) if known.any() else np.full(6, np.nan)
 
     def friction(self, setup: Setup) -> tuple[np.ndarray, np.ndarray] | None:
         """Coulomb friction of each joint, shape (n,) [Nm], and the standard deviations; None without joint
@@ -202,7 +211,8 @@ class Fitter:
         That of a first-order autoregressive process: (1 - r) / (1 + r) of the rows are independent.
         """
         for c in self._channels:
-            r = residual[:, c] - residual[:, c].mean()
+            r = residual[np.isfinite(residual[:, c]), c]
+            r = r - r.mean()
             correlation = float(r[1:] @ r[:-1]) / max(float(r @ r), 1e-300)
             self.effective[c] = np.clip((1.0 - correlation) / (1.0 + correlation), 0.05, 1.0)
 
@@ -213,9 +223,10 @@ class Fitter:
         for group in free:
             own = range(first, first := first + group.size)
             if group.kind == "shift":
-                channels = self._of(group.field)
-                reading, sensor = self._readings.wrenches[group.field], setup.sensors[group.field]
-                slopes[:, channels, own] = place_jacobian(sensor, reading, here[:, channels])
+                channels, reading = self._of(group.field), self._readings.wrenches[group.field]
+                known, sensor = np.isfinite(reading).all(axis=1), setup.sensors[group.field]
+                columns = place_jacobian(sensor, reading[known], here[known, channels])
+                slopes[known, channels, own.start : own.stop] = columns
                 continue
             for i in own:
                 slopes[..., i] = (here - self._error(setup.moved(free, steps[i]))) / steps[i].sum()
@@ -314,22 +325,27 @@ class Fitter:
         """Those of the latest setup are kept: a fit needs them with and without its slopes."""
         if self._stated is None or self._stated[0] is not setup:
             error, (columns, biases) = self._error(setup), self._nuisances(setup)
-            y, A = error[:, self._channels].T, columns[self._channels]
+            # Where a recording lacks a sensor, its rows are zero: they have no weight.
+            y = np.where(self._measured, error[:, self._channels].T, 0.0)
+            A = columns[self._channels]
+            A[~self._measured] = 0.0
             equations = Equations(error, y, A, A.transpose(0, 2, 1) @ A, products(A, y), biases)
             self._stated = setup, equations
         return self._stated[1]
 
-    def _solve(self, setup: Setup, slopes: np.ndarray, prior: np.ndarray) -> "_Solved":
+    def _solve(self, setup: Setup, slopes: np.ndarray, prior: np.ndarray) -> Solution:
         """Nuisances, and the free parameters if `slopes` has any, by iteratively weighted least squares."""
         error, y, A, G, b, firsts = self._equations(setup)
         k = slopes.shape[-1] if slopes.size else 0
         if k:
             S = np.ascontiguousarray((slopes * prior)[:, self._channels].transpose(1, 0, 2))
+            S[~self._measured] = 0.0
             A, G, b = bordered(S, y, A, G, b)
-        floor, rows = self._floor[self._channels], y.shape[1]
+        floor, rows = self._floor[self._channels], self._counts
         weight = self.effective[self._channels]
         biases = np.array([k + first + i for first in firsts.values() for i in range(6)], dtype=np.int64)
-        variance = np.maximum(y.var(axis=1), floor)
+        mean = (y.sum(axis=1) / rows)[:, None]
+        variance = np.maximum(np.sum((y - mean) ** 2, axis=1, where=self._measured) / rows, floor)
         values, precision = np.zeros(A.shape[2]), np.ones(A.shape[2])
         diagonal, residual = np.diag_indices(len(values)), y
         for _ in range(_WEIGHTINGS):
@@ -340,24 +356,24 @@ class Fitter:
             factor = lu_factor(H, check_finite=False)
             values = lu_solve(factor, (weight / variance) @ b, check_finite=False)
             residual = y - (A.reshape(-1, len(values)) @ values).reshape(y.shape)
-            variance = np.maximum(np.mean(residual**2, axis=1), floor)
+            variance = np.maximum(np.sum(residual**2, axis=1) / rows, floor)
         full = np.full(error.shape, np.nan)
-        full[:, self._channels] = residual.T
+        full[:, self._channels] = np.where(self._measured, residual, np.nan).T
         gaussian = np.delete(values, biases)[k:]
         penalty = float(gaussian @ gaussian + 2.0 * np.log1p(values[biases] ** 2).sum())
-        cost = rows * float(weight @ np.log(variance)) + penalty
+        cost = float(rows * weight @ np.log(variance)) + penalty
         scaled = values.copy()
         scaled[:k] *= prior[:k]
         firsts = {field: k + first for field, first in firsts.items()}
-        return _Solved(cost, penalty, variance, scaled, factor, full, firsts)
+        return Solution(cost, penalty, variance, scaled, factor, full, firsts)
 
     def _result(
         self,
         setup: Setup,
         free: tuple[Free, ...],
         prior: np.ndarray,
-        solved: "_Solved",
-        at: "_Solved | None" = None,
+        solved: Solution,
+        at: Solution | None = None,
     ) -> Fit:
         at = at or solved
         spread = solved.spread
@@ -368,26 +384,6 @@ class Fitter:
             bias[field] = order @ value, np.abs(order) @ own
         std = spread[: len(prior)] * prior
         return Fit(setup, free, at.variance, at.penalty, std, at.residual, bias)
-
-
-@dataclass(frozen=True)
-class _Solved:
-    cost: float
-    penalty: float
-    variance: np.ndarray
-    values: np.ndarray
-    """Free parameters, then nuisances in units of their priors."""
-    factor: tuple[np.ndarray, np.ndarray]
-    """Of their precision, in units of their priors (`scipy.linalg.lu_factor`)."""
-    residual: np.ndarray
-    biases: Mapping[str, int]
-    """First of the six values of each force/torque sensor's bias."""
-
-    @property
-    def spread(self) -> np.ndarray:
-        """Standard deviations of the values, in units of their priors."""
-        covariance = lu_solve(self.factor, np.eye(len(self.values)), check_finite=False)
-        return np.asarray(np.sqrt(np.diag(covariance)))
 
 
 def _motion(setup: Setup) -> tuple[str, float, Order, tuple[float, ...]]:

@@ -11,8 +11,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import takewhile
 
-import numpy as np
-
 from contactsense.setup_check.fit.fitter import Fit, Fitter
 from contactsense.setup_check.hypotheses.all_hypotheses import Hypotheses
 from contactsense.setup_check.hypotheses.hypothesis import Hypothesis
@@ -176,8 +174,7 @@ def _load_or_tool(ranked: list[Candidate], load: Candidate, now: Fit) -> Candida
 
 def _far(fitter: Fitter, fit: Fit) -> bool:
     """Whether residuals are far beyond the noise."""
-    rms = np.sqrt(np.mean(fit.residual**2, axis=0))
-    return bool((rms > _FAR * fitter.noise).any())
+    return bool((fit.rms > _FAR * fitter.noise).any())
 
 
 def _seeds(firsts: list[Change], known: tuple[Line, ...], count: int) -> tuple[Change, ...]:

@@ -5,7 +5,7 @@ commutes with every constant matrix. So a recording is passed through the moment
 prediction of any other mounting, tool or sensor frame is a product of small matrices.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -17,7 +17,7 @@ from contactsense.calibration.residuals.recording_residuals import residuals
 from contactsense.kinematics.model import Model
 from contactsense.scene import JointTorqueSensor, Scene, WrenchSensor
 from contactsense.scene_model.arm_model import model_with_tool
-from contactsense.setup_check.lines import wrench_fields
+from contactsense.setup_check.lines import recorded_sensors, sensors_in, wrench_fields
 from contactsense.setup_check.setup import Order, in_order
 from contactsense.setup_check.terms.instants import BANDWIDTH, MIDDLE, Instants, averaged_noise, instants
 from contactsense.setup_check.terms.joint_terms import JointTerms
@@ -115,12 +115,13 @@ class MotionBases:
 
 @dataclass(frozen=True)
 class Readings:
-    """Filtered and averaged readings at the instants of a `MotionBasis`, as read under the scene."""
+    """Filtered and averaged readings at the instants of a `MotionBasis`, as read under the scene; NaN in
+    recordings that lack the sensor."""
 
     torque: np.ndarray | None
-    """Joint torques, shape (M, n) [Nm]; None unless scene and every recording have them."""
+    """Joint torques, shape (M, n) [Nm]; None unless the scene and any recording have them."""
     wrenches: Mapping[str, np.ndarray]
-    """Of each force/torque sensor that scene and every recording have, by field, shape (M, 6) [N, Nm]."""
+    """Of each force/torque sensor that the scene and any recording have, by field, shape (M, 6) [N, Nm]."""
     variance_ratio: float
     """Variance of white noise in them over that in single samples."""
 
@@ -130,23 +131,30 @@ class Readings:
         n = recordings[0].q.shape[1]
         arm, places = _massless(scene), instants(recordings)
 
-        def filtered(field: str) -> np.ndarray:
-            """Of the joints, and of one force/torque sensor."""
-            alone = [replace(part, reading=part.readings.get(field)) for part in recordings]
-            pairs = zip(alone, places, strict=True)
-            found = [at.averages_of(residuals(arm, part, BANDWIDTH))[:, MIDDLE] for part, at in pairs]
+        def filtered(field: str, channels: slice) -> np.ndarray:
+            """Those channels of the joints and one force/torque sensor, which read the sensor `field`."""
+            found = []
+            for part, at in zip(recordings, places, strict=True):
+                alone = replace(part, reading=part.readings.get(field))
+                values = at.averages_of(residuals(arm, alone, BANDWIDTH)[:, channels])[:, MIDDLE]
+                found.append(values if field in sensors_in(scene, part) else np.full_like(values, np.nan))
             return np.concatenate(found)
 
-        torque = scene.joint_torque is not None and all(part.torque is not None for part in recordings)
+        there = recorded_sensors(scene, recordings)
         dt = float(np.median(np.concatenate([np.diff(part.t) for part in recordings])))
         return cls(
-            -filtered("base_wrench")[:, :n] if torque else None,
-            {
-                field: filtered(field)[:, n:]
-                for field in wrench_fields(scene)
-                if all(field in part.readings for part in recordings)
-            },
+            -filtered("joint_torque", slice(n)) if "joint_torque" in there else None,
+            {field: filtered(field, slice(n, None)) for field in wrench_fields(scene) if field in there},
             averaged_noise(dt),
+        )
+
+    def measured(self, joints: int, fields: Sequence[str]) -> np.ndarray:
+        """Whether each channel is measured at each instant, shape (C, M): those of the joints, then six of
+        each of the force/torque sensors in `fields`."""
+        signals = [(self.torque, joints), *((self.wrenches.get(field), 6) for field in fields)]
+        rows = next(len(values) for values, _ in signals if values is not None)
+        return np.concatenate(
+            [np.isfinite(x).T if x is not None else np.zeros((size, rows), bool) for x, size in signals]
         )
 
 
