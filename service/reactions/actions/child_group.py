@@ -9,6 +9,9 @@ from contextlib import suppress
 
 from contactsense.service.reactions.actions.base import ActionError
 
+_ONCE_TOLD = ("/bin/sh", "-c", 'read -r told && exec "$@"', "sh")
+"""Becomes the program that follows once it reads the end of a line; ends if nobody is left to write it."""
+
 
 class ChildGroup:
     """Starts one program at a time.
@@ -24,7 +27,8 @@ class ChildGroup:
         self._closed = False
 
     def start(self, command: Sequence[str]) -> "subprocess.Popen[bytes]":
-        """Start a program in a process group of its own.
+        """Start a program in a process group of its own. It begins after its group has been told: if this
+        process is killed before, nobody could end it.
 
         Raises:
             ActionError: It cannot be started, or the group is closed.
@@ -35,7 +39,7 @@ class ChildGroup:
                 raise ActionError(f"{command[0]}: not started, as the service ends or loads other rules")
             try:
                 self._process = subprocess.Popen(
-                    command,
+                    [*_ONCE_TOLD, *command],
                     stdin=subprocess.PIPE,
                     stdout=subprocess.DEVNULL,
                     stderr=subprocess.PIPE,
@@ -45,6 +49,10 @@ class ChildGroup:
                 raise ActionError(f"{command[0]}: {error.strerror or error}") from None
             if self._tell is not None:
                 self._tell(self._process.pid)
+            assert self._process.stdin is not None
+            with suppress(BrokenPipeError):  # something has killed it; its exit status says so
+                self._process.stdin.write(b"\n")
+                self._process.stdin.flush()
             return self._process
 
     def kill(self) -> None:

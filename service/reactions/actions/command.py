@@ -45,6 +45,8 @@ class CommandAction(ExecutedAction):
 
     def perform(self, decision: dict[str, Any], host: str) -> str:
         """Run the program; see `ExecutedAction.perform`."""
+        if missing := self.missing():
+            raise ActionError(missing)
         group = self._group or ChildGroup()
         process = group.start(self.command)
         with process:

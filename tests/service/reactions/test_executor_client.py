@@ -3,6 +3,8 @@
 import os
 import queue
 import signal
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -158,6 +160,23 @@ def test_what_runs_ends_with_an_executor_that_is_killed(running: tuple[ExecutorC
     os.kill(pid, signal.SIGKILL)
     results_of(client, 1)
     assert until(lambda: not any(map(alive, processes)), 10.0)
+
+
+def test_a_program_does_not_begin_if_the_executor_is_killed_before_its_group_is_told(tmp_path: Path) -> None:
+    """Nothing could end it."""
+    begun, note = tmp_path / "begun", tmp_path / "group"
+    script = (
+        "import os, pathlib, sys\n"
+        "from contactsense.service.reactions.actions.child_group import ChildGroup\n"
+        "def tell(group):\n"
+        "    pathlib.Path(sys.argv[1]).write_text(str(group))\n"
+        "    os.kill(os.getpid(), 9)\n"
+        "ChildGroup(tell).start(['touch', sys.argv[2]])\n"
+    )
+    killed = subprocess.run([sys.executable, "-c", script, str(note), str(begun)], timeout=60.0)
+    assert killed.returncode == -signal.SIGKILL
+    assert until(lambda: not alive(int(note.read_text())), 10.0)
+    assert not begun.exists()
 
 
 def test_what_runs_ends_with_the_process_that_has_the_client(
