@@ -32,6 +32,8 @@ MOST = 1000
 every few seconds, but an attempt that nobody answers takes as long as its time limit."""
 _THROTTLED = (429, 502, 504)
 """After these statuses the receiver gets twice the time."""
+_GRACE = 1.0
+"""Time beyond a webhook's time limit after which an attempt is not waited for any more [s]."""
 _POLL = 1.0
 """Time between two looks at the outbox [s]."""
 
@@ -178,7 +180,7 @@ class WebhookDelivery:
     async def _attempt(self, name: str, webhook_id: str, body: str) -> tuple[bool, int, str]:
         """Try to deliver, in a thread of its own: the event loop waits for its usual ones before it ends, and
         the service would end no sooner than a receiver that is slow."""
-        loop = asyncio.get_running_loop()
+        loop, webhook = asyncio.get_running_loop(), self._webhooks[name]
         result: asyncio.Future[tuple[bool, int, str]] = loop.create_future()
 
         def take(found: tuple[bool, int, str]) -> None:
@@ -191,7 +193,11 @@ class WebhookDelivery:
                 loop.call_soon_threadsafe(take, found)
 
         threading.Thread(target=run, name=f"webhook {name}", daemon=True).start()
-        return await result
+        try:
+            # Looking up a name takes as long as the computer's resolver wants.
+            return await asyncio.wait_for(result, webhook.timeout + _GRACE)
+        except TimeoutError:
+            return False, 0, f"{webhook.url}: no answer within {webhook.timeout:g} s"
 
     def _post(self, name: str, webhook_id: str, body: str) -> tuple[bool, int, str]:
         webhook, stamp = self._webhooks[name], int(time.time())

@@ -82,6 +82,8 @@ def connection(host: str, port: int, timeout: float) -> Iterator[socket.socket]:
         try:
             with socket.create_connection((host, port), timeout) as robot:
                 opened.append(robot)
+                if limit.expired:  # in looking up the name: nobody expects anything to be sent by now
+                    raise TimeoutError
                 robot.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 yield robot
                 if limit.expired:  # an answer that was cut off is none

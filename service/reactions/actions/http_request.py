@@ -4,7 +4,6 @@ import http.client
 import urllib.error
 import urllib.request
 from collections.abc import Mapping
-from functools import partial
 from typing import Any
 
 from contactsense.service.reactions.actions.base import ActionError
@@ -29,8 +28,9 @@ def request(
     """
     opened: list[http.client.HTTPConnection] = []
     proxies = [urllib.request.ProxyHandler({})] if direct else []
-    opener = urllib.request.build_opener(_NoRedirect, _HTTP(opened), _HTTPS(opened), *proxies)
     with TimeLimit(timeout, lambda: [connection.sock for connection in opened]) as limit:
+        handlers = (_HTTP(opened, limit), _HTTPS(opened, limit))
+        opener = urllib.request.build_opener(_NoRedirect, *handlers, *proxies)
         late = f"no answer within {timeout:g} s"
         try:
             status = _status(opener, urllib.request.Request(url, body, dict(headers), method=method), timeout)
@@ -67,26 +67,43 @@ class _NoRedirect(urllib.request.HTTPRedirectHandler):
         return None  # a redirection does not count as success
 
 
-def _open(opened: list[http.client.HTTPConnection], kind: Any, *args: Any, **options: Any) -> Any:
-    """Make a connection and note it."""
-    opened.append(kind(*args, **options))
-    return opened[-1]
+class _Connection(http.client.HTTPConnection):
+    """Sends nothing after the time limit."""
+
+    limit: TimeLimit
+
+    def connect(self) -> None:
+        super().connect()
+        if self.limit.expired:  # in looking up the name: nobody expects anything to be sent by now
+            raise TimeoutError
+
+
+class _SecureConnection(_Connection, http.client.HTTPSConnection):
+    pass
 
 
 class _Noting(urllib.request.AbstractHTTPHandler):
     """Notes the connections that it opens."""
 
-    def __init__(self, opened: list[http.client.HTTPConnection]) -> None:
+    kind: type[_Connection]
+
+    def __init__(self, opened: list[http.client.HTTPConnection], limit: TimeLimit) -> None:
         super().__init__()
-        self._opened = opened
+        self._opened, self._limit = opened, limit
 
     def do_open(self, http_class: Any, req: Any, **options: Any) -> Any:
-        return super().do_open(partial(_open, self._opened, http_class), req, **options)
+        return super().do_open(self._open, req, **options)
+
+    def _open(self, *args: Any, **options: Any) -> _Connection:
+        connection = self.kind(*args, **options)
+        connection.limit = self._limit
+        self._opened.append(connection)
+        return connection
 
 
 class _HTTP(_Noting, urllib.request.HTTPHandler):
-    pass
+    kind = _Connection
 
 
 class _HTTPS(_Noting, urllib.request.HTTPSHandler):
-    pass
+    kind = _SecureConnection

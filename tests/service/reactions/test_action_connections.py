@@ -27,6 +27,27 @@ def test_a_dashboard_that_is_mute() -> None:
         DashboardAction(type="dashboard", command="stop", port=port, timeout=0.2).perform(TOLD, HOST)
 
 
+def test_nothing_is_sent_after_the_time_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Looking up a name takes as long as the resolver wants; a robot that is stopped later than told, or a
+    program that is replaced by then, surprises people."""
+    look_up = socket.getaddrinfo
+
+    def late(*args: Any) -> Any:
+        assert until(lambda: all(limit.expired for limit in limits))
+        return look_up(*args)
+
+    limits: list[TimeLimit] = []
+    enter = TimeLimit.__enter__
+    monkeypatch.setattr(TimeLimit, "__enter__", lambda limit: limits.append(limit) or enter(limit))
+    monkeypatch.setattr(socket, "getaddrinfo", late)
+    with line_server(b"", None) as (port, heard):
+        action = StopProgramAction(type="stop_program", port=port, timeout=0.1)
+        with pytest.raises(ActionError, match=r"no answer within 0\.1 s"):
+            action.perform(TOLD, HOST)
+    assert limits
+    assert heard == []
+
+
 def test_nobody_there() -> None:
     with socket.create_server((HOST, 0)) as taken:
         port = taken.getsockname()[1]

@@ -387,6 +387,28 @@ def test_an_attempt_takes_no_longer_than_its_time_limit() -> None:
     assert "no answer within 0.2 s" in why
 
 
+def test_a_resolver_that_hangs_holds_up_no_longer_and_nothing_is_posted_later(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Who was told that an attempt failed does not expect it to arrive after all."""
+    answers, look_up = threading.Event(), socket.getaddrinfo
+
+    def hang(host: str, *args: Any) -> Any:
+        assert answers.wait(60.0)
+        return look_up("127.0.0.1", *args)
+
+    monkeypatch.setattr(socket, "getaddrinfo", hang)
+    with receiver(204) as server, Journal() as journal:
+        webhook = hook(server.server_port).model_copy(update={"timeout": 0.2})
+        ((ok, why),) = deliver(journal, webhook, 1, lambda d, told: len(told) == 1)
+        (late,) = [thread for thread in threading.enumerate() if thread.name == "webhook hook"]
+        answers.set()
+        late.join(20.0)
+        assert server.heard == []
+    assert not ok
+    assert why.startswith(f"{webhook.url}: no answer within 0.2 s")
+
+
 def test_an_answer_of_others_is_told_in_one_line() -> None:
     """It is written to the log and to terminals."""
     with raw_receiver(b"SSH-2.0 \x1b[31m\xff\r\n") as port:
