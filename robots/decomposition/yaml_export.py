@@ -7,6 +7,7 @@ import numpy as np
 import yaml
 
 from contactsense.robots.decomposition.least_squares_fit import Bodies
+from contactsense.robots.files.yaml_fields import fields_in
 from contactsense.robots.primitives import (
     Box,
     Capsule,
@@ -169,7 +170,8 @@ def _commented(comments: Iterable[str]) -> list[str]:
 def _name(name: str) -> str:
     """A name in YAML: in quotes where it would be read as something else, such as a number or a comment."""
     try:
-        if yaml.safe_load(f"{name}: {name}") == {name: name}:
+        pair = f"{name}: {name}"
+        if fields_in(pair, "", "") == {name: name} == yaml.safe_load(pair):
             return name
     except (yaml.YAMLError, ValueError):  # ValueError: a date that does not exist
         pass

@@ -1,7 +1,8 @@
-"""YAML that a user has written: no key twice, errors in words, and numbers that are what they look like.
+"""YAML that a user has written: no key twice, errors in words, and numbers that are what they look like; and
+YAML that is read so.
 
-PyYAML knows YAML 1.1 only, in which `010` is 8 and `1:30` is 90. Here the first is 10 and the second text, as
-in YAML 1.2.
+PyYAML knows YAML 1.1 only, in which `010` is 8, `1:30` is 90 and `2024-01-01` no text. Here the first is 10
+and the others are text, as in YAML 1.2.
 """
 
 import re
@@ -10,15 +11,19 @@ from typing import Any
 
 import yaml
 
-from contactsense.robots.files.integers import integer
+from contactsense.robots.files.integers import finite_or_infinite, integer
 
-_INTEGER, _FLOAT = "tag:yaml.org,2002:int", "tag:yaml.org,2002:float"
+_TAG = "tag:yaml.org,2002:"
+_INTEGER, _FLOAT = f"{_TAG}int", f"{_TAG}float"
 _NUMBERS = {
     _INTEGER: r"[-+]?(0b[01_]+|0x[0-9a-fA-F_]+|[0-9][0-9_]*)",
     _FLOAT: r"[-+]?([0-9][0-9_]*\.[0-9_]*|\.[0-9][0-9_]*|[0-9][0-9_]*(?=[eE]))([eE][-+]?[0-9]+)?"
     r"|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)",
 }
 """Numbers in other forms are text."""
+_FIRST = list("-+.0123456789")
+_MOST_REPEATED = 1_000_000
+"""So many values may be repeated by aliases. A few lines of them stand for more than any memory holds."""
 
 
 class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
@@ -26,9 +31,20 @@ class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[mi
     contains itself."""
 
     def construct_document(self, node: yaml.Node) -> Any:
+        seen: dict[int, int] = {}
+        if _size(node, seen) > len(seen) + _MOST_REPEATED:
+            raise _error(f"aliases that repeat more than {_MOST_REPEATED} values", node)
         # Completed depth first, no node can be part of itself.
         self.deep_construct = True
         return super().construct_document(node)
+
+    def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
+        try:
+            return super().construct_object(node, deep)
+        except (ValueError, TypeError, LookupError, AttributeError):
+            kind = str(node.tag).removeprefix(_TAG)
+            got = repr(node.value) if isinstance(node, yaml.ScalarNode) else "several"
+            raise _error(f"expected a value of the type {kind}, got {got:.60}", node) from None
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         lines: dict[str, int] = {}
@@ -46,17 +62,39 @@ class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[mi
 
     def construct_yaml_int(self, node: yaml.ScalarNode) -> int | float:
         text = str(node.value).replace("_", "")
-        return int(super().construct_yaml_int(node)) if re.search("[bx]", text) else integer(text)
+        if re.search("[bx]", text):
+            return finite_or_infinite(super().construct_yaml_int(node))
+        return integer(text)
 
     yaml_implicit_resolvers = {  # noqa: RUF012 (a name of PyYAML)
-        first: [(tag, pattern) for tag, pattern in kinds if tag not in _NUMBERS]
+        first: [(tag, pattern) for tag, pattern in kinds if tag not in (*_NUMBERS, f"{_TAG}timestamp")]
         for first, kinds in yaml.SafeLoader.yaml_implicit_resolvers.items()
     }
 
 
+class Dumper(yaml.SafeDumper):
+    """Writes what is read here and by others: text that either takes for a number is in quotes."""
+
+
 for _tag, _pattern in _NUMBERS.items():
-    _Loader.add_implicit_resolver(_tag, re.compile(rf"(?:{_pattern})$"), list("-+.0123456789"))
+    for _kind in (_Loader, Dumper):
+        _kind.add_implicit_resolver(_tag, re.compile(rf"(?:{_pattern})$"), _FIRST)
 _Loader.add_constructor(_INTEGER, _Loader.construct_yaml_int)
+
+
+def _size(node: yaml.Node, seen: dict[int, int]) -> int:
+    """Number of nodes that a node stands for, where each alias stands for all that it repeats."""
+    if id(node) not in seen:
+        seen[id(node)] = 1  # of one that contains itself
+        below: list[Any] = [] if isinstance(node, yaml.ScalarNode) else node.value
+        if isinstance(node, yaml.MappingNode):
+            below = [each for pair in below for each in pair]
+        seen[id(node)] += sum(_size(each, seen) for each in below)
+    return seen[id(node)]
+
+
+def _error(what: str, node: yaml.Node) -> yaml.YAMLError:
+    return yaml.constructor.ConstructorError(None, None, what, node.start_mark)
 
 
 class _RepeatedKeyError(Exception):
@@ -121,8 +159,8 @@ def _parsed(text: str, name: str) -> Any:
         raise ValueError(f"{name}: {error}") from None
     except RecursionError:
         raise ValueError(f"{name}: nested too deeply") from None
-    except ValueError as error:  # a date that does not exist
-        raise ValueError(f"{name}: not YAML: {error}") from None
+    except UnicodeEncodeError:
+        raise ValueError(f"{name}: expected text in UTF-8") from None
 
 
 def _fields(content: Any, name: str, example: str) -> dict[str, Any]:

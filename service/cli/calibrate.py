@@ -19,7 +19,7 @@ from contactsense.plausibility.plausible_limits import PlausibleLimits
 from contactsense.robots.extras import install_command
 from contactsense.robots.file_references import moved
 from contactsense.robots.files.whole_file import write_text
-from contactsense.robots.files.yaml_fields import read_fields
+from contactsense.robots.files.yaml_fields import Dumper, read_fields
 from contactsense.scene import Scene, SceneError
 from contactsense.service.cli.calibration_doubts import doubts
 from contactsense.service.cli.calibration_page import Section, channels, page, reasons_against
@@ -207,7 +207,7 @@ def scene_text(path: Path, scene: Scene, target: Path) -> str:
     )
 
 
-class _SceneDumper(yaml.SafeDumper):
+class _SceneDumper(Dumper):
     """Text of several lines, such as a tool's `deviation`, stays a block of lines."""
 
 

@@ -12,6 +12,7 @@ import yaml
 from pydantic import BaseModel, FiniteFloat, TypeAdapter, ValidationError
 
 from contactsense import robots
+from contactsense.robots.files.yaml_fields import Dumper, fields_in
 from contactsense.robots.library import in_library
 from contactsense.scene import Scene, describe
 from contactsense.scene_model.sensor_delays import sensor_delays
@@ -29,7 +30,7 @@ CONFLICT = "scene_conflict"
 
 def scene_text(scene: Scene) -> str:
     """The scene as YAML."""
-    return str(yaml.safe_dump(scene.model_dump(mode="json", exclude_defaults=True), sort_keys=True))
+    return str(yaml.dump(scene.model_dump(mode="json", exclude_defaults=True), Dumper=Dumper, sort_keys=True))
 
 
 def scene_hash(scene: Scene) -> str:
@@ -168,7 +169,7 @@ def scene_of_meta(meta: Mapping[str, str], name: str) -> Scene:
     if text is None:
         raise RecordingError(f"{name}: the file carries no scene: name one with --scene")
     try:
-        return Scene.model_validate(yaml.safe_load(text))
-    except (ValidationError, yaml.YAMLError) as error:
+        return Scene.model_validate(fields_in(text, "the scene", "robot: ur5e"))
+    except ValueError as error:
         reason = describe(error, Scene) if isinstance(error, ValidationError) else str(error)
         raise RecordingError(f"{name}: its scene cannot be used: {reason}") from None

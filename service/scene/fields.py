@@ -8,6 +8,7 @@ import yaml
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
+from contactsense.robots.files.yaml_fields import Dumper
 from contactsense.robots.surroundings import Body
 from contactsense.robots.tool import Tool
 from contactsense.scene import Scene
@@ -61,7 +62,14 @@ def describe_fields(model: type[BaseModel]) -> tuple[FieldDescription, ...]:
 def yaml_flow(value: Any) -> str:
     """A value as YAML in one line."""
     return str(
-        yaml.safe_dump([value], default_flow_style=True, width=1_000_000, sort_keys=False, allow_unicode=True)
+        yaml.dump(
+            [value],
+            Dumper=Dumper,
+            default_flow_style=True,
+            width=1_000_000,
+            sort_keys=False,
+            allow_unicode=True,
+        )
     )[1:-2]
 
 

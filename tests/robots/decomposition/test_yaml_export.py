@@ -9,6 +9,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from contactsense.robots.decomposition.yaml_export import body_text, primitive, text, tool_text
+from contactsense.robots.files.yaml_fields import fields_in
 from contactsense.robots.primitives import Box, Ellipsoid, Sphere
 from contactsense.robots.robot import NO_MASS
 from contactsense.robots.rotations import rotation_from_rpy
@@ -37,6 +38,8 @@ BALL = (Sphere(center=(0.0, 0.0, 0.0), radius=0.1),)
 @example("no")
 @example("null")
 @example("1e3")
+@example("09")
+@example("1:30")
 @example("2024-13-40")
 @example("gripper #2")
 @example("a: b")
@@ -46,10 +49,11 @@ BALL = (Sphere(center=(0.0, 0.0, 0.0), radius=0.1),)
 @example("x" * 200 + " " + "x" * 200)
 def test_names_are_read_as_they_were(name: str) -> None:
     levels = {"coarse": BALL, "fine": BALL}
-    surface = yaml.safe_load(text(name, {name: levels}, [f"Surface of {name}."], 1.0, name))
-    assert (surface["robot"], surface["tip"], list(surface["links"])) == (name, name, [name])
-    assert yaml.safe_load(tool_text(name, NO_MASS, BALL, [], [name]))["tool"]["name"] == name
-    assert yaml.safe_load(body_text(name, BALL, [], [name]))["bodies"][0]["name"] == name
+    for read in (yaml.safe_load, lambda text: fields_in(text, "file", "robot: ur5e")):
+        surface = read(text(name, {name: levels}, [f"Surface of {name}."], 1.0, name))
+        assert (surface["robot"], surface["tip"], list(surface["links"])) == (name, name, [name])
+        assert read(tool_text(name, NO_MASS, BALL, [], [name]))["tool"]["name"] == name
+        assert read(body_text(name, BALL, [], [name]))["bodies"][0]["name"] == name
 
 
 def test_a_link_whose_name_is_a_number(tmp_path: Path) -> None:

@@ -4,8 +4,17 @@ from math import inf
 from pathlib import Path
 
 import pytest
+import yaml
+from hypothesis import example, given
+from hypothesis import strategies as st
 
-from contactsense.robots.files.yaml_fields import fields_in, read_fields
+from contactsense.robots.files.yaml_fields import Dumper, fields_in, read_fields
+
+REPEATED = b"a: [&0 [1], " + b", ".join(
+    b"&%d [%s]" % (i + 1, b", ".join(9 * [b"*%d" % i])) for i in range(12)
+)
+REPEATED += b"]"
+"""Twelve lists, each of which has the one before nine times: 9^12 values."""
 
 
 def test_fields_are_those_of_yaml() -> None:
@@ -29,6 +38,10 @@ def test_fields_are_those_of_yaml() -> None:
         ("-.inf", -inf),
         (308 * "9", 10**308 - 1),
         pytest.param("-" + 5000 * "9", -inf, id="digits"),
+        pytest.param("-0x" + 5000 * "f", -inf, id="hexadecimal digits"),
+        pytest.param("0b" + 5000 * "1", inf, id="binary digits"),
+        ("2024-01-31", "2024-01-31"),
+        ("2024-13-45", "2024-13-45"),
         ("1:30", "1:30"),
         ("1:30.5", "1:30.5"),
         ("10.0.0.1", "10.0.0.1"),
@@ -45,8 +58,16 @@ def test_numbers_are_what_they_look_like(text: str, value: object) -> None:
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"a: 2024-13-45", "file.yaml: not YAML: month must be in 1..12"),
-        (b"a: 0x_", "file.yaml: not YAML: invalid literal"),
+        (
+            b"a: !!timestamp 2024-13-45",
+            "file.yaml: not YAML: expected a value of the type timestamp, got '2024-13-45'",
+        ),
+        (b"a: 0x_", "file.yaml: not YAML: expected a value of the type int, got '0x_'"),
+        (b"a: !!float _", "file.yaml: not YAML: expected a value of the type float, got '_'"),
+        (b"a: !!bool maybe", "file.yaml: not YAML: expected a value of the type bool, got 'maybe'"),
+        (b"a: !!timestamp now", "file.yaml: not YAML: expected a value of the type timestamp, got 'now'"),
+        (b"a: !!set [1]", "file.yaml: not YAML: expected a value of the type set, got several"),
+        pytest.param(REPEATED, "file.yaml: not YAML: aliases that repeat more than", id="aliases"),
         (b"", "file.yaml: expected fields such as `robot: ur5e`, got nothing"),
         (b"# a comment", "file.yaml: expected fields such as `robot: ur5e`, got nothing"),
         (b"- 1", "file.yaml: expected fields such as `robot: ur5e`, got [1]"),
@@ -71,3 +92,19 @@ def test_what_cannot_be_used_is_named(tmp_path: Path, content: bytes | None, mes
     assert message in str(refused.value)
     assert "\n" not in str(refused.value)
     assert type(refused.value) is ValueError
+
+
+@given(st.text())
+@example("09")
+@example("1e3")
+@example("0x_")
+@example("1:30")
+@example("2024-13-40")
+def test_what_is_written_is_read_as_it_was(text: str) -> None:
+    """Here, and by those who read YAML 1.1."""
+    written = yaml.dump({"a": text}, Dumper=Dumper, allow_unicode=True)
+    assert fields_in(written, "file", "a: 1") == yaml.safe_load(written) == {"a": text}
+
+
+def test_a_byte_order_mark_is_left_out() -> None:
+    assert fields_in("\ufeffa: 1", "file", "a: 1") == {"a": 1}

@@ -45,6 +45,32 @@ def test_a_recording_carries_every_field_of_its_scene(file: Path) -> None:
     assert scene_of_meta(metadata(scene), "a file").model_dump() == scene.model_dump()
 
 
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("robot: ur5e\nrobot: ur10e", "robot: expected once, got in line 1 and in line 2"),
+        ("robot: !!bool ur5e", "not YAML: expected a value of the type bool, got 'ur5e'"),
+        ("gravity: " + 5000 * "[" + 5000 * "]", "nested too deeply"),
+        ("ur5e", "expected fields such as `robot: ur5e`, got 'ur5e'"),
+        ("robot: ur5e\ngravity: 99", "gravity: expected a number of at most 30, got 99"),
+    ],
+    ids=["twice", "tag", "nested", "text", "number"],
+)
+def test_a_scene_that_cannot_be_used_is_told_with_the_recording(text: str, told: str) -> None:
+    with pytest.raises(RecordingError, match=r"^a file: its scene cannot be used: ") as refused:
+        scene_of_meta({"contactsense.scene": text}, "a file")
+    assert told in str(refused.value)
+
+
+def test_names_that_look_like_numbers_are_kept(file: Path) -> None:
+    file.write_text(CELL.replace("Greifer Ü", "'09'").replace("name: post", "name: '1e3'"), encoding="utf-8")
+    scene = Scene.load(file)
+    assert (scene.tool and scene.tool.name, scene.bodies[0].name) == ("09", "1e3")
+    assert scene_of_meta(metadata(scene), "a file").model_dump() == scene.model_dump()
+    file.write_text(scene_text(file, scene, file), encoding="utf-8")
+    assert Scene.load(file).model_dump() == scene.model_dump()
+
+
 def test_a_calibrated_scene_keeps_the_surface_of_its_tool(file: Path) -> None:
     scene = Scene.load(file)
     file.write_text(scene_text(file, scene, file), encoding="utf-8")
