@@ -9,7 +9,6 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
-    PositiveFloat,
     field_validator,
 )
 
@@ -76,6 +75,7 @@ _Velocity = Annotated[float, Field(gt=0.0, le=100.0)]
 """Of a joint [rad/s]: none is faster."""
 _Load = Annotated[float, Field(ge=-1e6, le=1e6)]
 """Component of a reading [N or Nm]: no sensor of an arm measures more."""
+_Range = Annotated[float, Field(gt=0.0, le=1e7)]
 
 
 def _two_or_six(numbers: object) -> object:
@@ -118,7 +118,7 @@ class WrenchSensor(Part):
     """Delay of the readings relative to the joint positions of the same instant [s]. It is taken off live and
     from recordings; a program that makes samples itself must do the same."""
 
-    range: Annotated[tuple[PositiveFloat, ...] | None, BeforeValidator(_two_or_six)] = None
+    range: Annotated[tuple[_Range, ...] | None, BeforeValidator(_two_or_six)] = None
     """Largest force and moment that the sensor measures, in its own frame [N, Nm]: two numbers, or six, one
     per component. While a component is at or beyond it, the sensor is not used. None: unknown."""
 

@@ -161,7 +161,7 @@ class Inputs(RulesModel):
 class RobotAddress(RulesModel):
     """The controller to which actions are sent."""
 
-    host: str | None = None
+    host: Annotated[str, Field(min_length=1)] | None = None
     """Address of the robot's controller; None: the controller that sends the samples."""
     rtde_port: Annotated[int, Field(ge=1, le=65535)] | None = None
     """Its RTDE port; None: that of the controller that sends the samples, and 30004 where `host` is given."""

@@ -16,7 +16,12 @@ from tests.plain_arm import plain_ur5e
 ARM = plain_ur5e()
 POSTURE = np.array([0.2, -1.1, 1.3, -0.8, -1.2, 0.5])
 BODY = {"mass": 1.0, "com": [0.0, 0.0, 0.0], "tensor": [0.01, 0.0, 0.0, 0.01, 0.0, 0.01]}
-SIX = {"joint_torque.rotor_inertia", "joint_torque.torque_constants", "base_wrench.bias"}
+SIX = {
+    "joint_torque.rotor_inertia",
+    "joint_torque.torque_constants",
+    "base_wrench.bias",
+    "base_wrench.range",
+}
 """Fields with one number for each joint or component."""
 BOUNDS = {
     "joint_torque.model_error": (0.0, 1e6),
@@ -34,6 +39,7 @@ BOUNDS = {
     "base_wrench.force_noise": (LEAST_NOISE, 1e4),
     "base_wrench.moment_noise": (LEAST_NOISE, 1e4),
     "base_wrench.bias": (-1e6, 1e6),
+    "base_wrench.range": (None, 1e7),
     "force": (1e-3, LARGEST_FORCE),
     "bandwidth": (1e-3, 1e4),
     "bias_time": (0.1, 1e9),

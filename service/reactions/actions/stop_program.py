@@ -14,7 +14,7 @@ class StopProgramAction(ExecutedAction):
 
     type: Literal["stop_program"]
     """Kind of the action."""
-    deceleration: Annotated[float, Field(gt=0.0, le=100.0)] = 8.0
+    deceleration: Annotated[float, Field(ge=0.01, le=100.0)] = 8.0
     """Deceleration of the fastest joint [rad/s^2]."""
     interface: Literal["primary", "secondary", "realtime"] = "secondary"
     """Client interface to which the program is sent."""

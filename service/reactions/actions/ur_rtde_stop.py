@@ -22,9 +22,9 @@ class UrRtdeStopAction(ExecutedAction):
 
     type: Literal["ur_rtde_stop"]
     """Kind of the action."""
-    deceleration: Annotated[float, Field(gt=0.0, le=100.0)] = 8.0
+    deceleration: Annotated[float, Field(ge=0.01, le=100.0)] = 8.0
     """Deceleration [rad/s^2]."""
-    frequency: Annotated[float, Field(gt=0.0, le=500.0)] = 500.0
+    frequency: Annotated[float, Field(ge=1.0, le=500.0)] = 500.0
     """Frequency of the control interface [Hz]."""
     timeout: Annotated[float, Field(gt=0.0, le=60.0)] = 10.0
     """Time limit, including the connection [s]."""

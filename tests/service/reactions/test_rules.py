@@ -136,6 +136,11 @@ def test_a_group_with_the_name_of_a_link_is_told(tmp_path: Path) -> None:
         ("wrist_1]", "wrist_9]", "rules: arm: links: expected some of base, shoulder"),
         ("wrist_1]", "tool]", "got 'tool'; the scene has no tool with a surface"),
         ("rules:", "rule:", "rules: expected a value, the field is missing"),
+        ("groups:", "robot: {host: ''}\ngroups:", "robot.host: expected text that is not empty"),
+        pytest.param(
+            *("force: 60", "force: 0x" + 5000 * "f", "collision.force: expected a finite number, got inf"),
+            id="thousands of digits",
+        ),
         ("groups:", "- groups:", "not YAML"),
     ],
 )
@@ -165,6 +170,9 @@ def test_a_missing_file_is_named() -> None:
             "{type: webhook, url: 'ftp://h/', secret_file: f}",
             "url: expected an address such as https://example.com/contacts, got 'ftp://h/'",
         ),
+        ("{type: stop_program, deceleration: 1e-300}", "deceleration: expected a number of at least 0.01"),
+        ("{type: ur_rtde_stop, deceleration: 0}", "deceleration: expected a number of at least 0.01"),
+        ("{type: ur_rtde_stop, frequency: 1e-300}", "frequency: expected a number of at least 1"),
         ("{type: command, command: []}", "command: expected a length of at least 1, got 0"),
         ("{type: dashboard, command: unlock protective stop}", "command: expected"),
         (
