@@ -25,6 +25,7 @@ from contactsense.robots.files.file_lock import AVAILABLE, lock
 from contactsense.service.events.clock_step import ClockStep
 from contactsense.service.events.file_check import FileCheck
 from contactsense.service.events.model import ContactEvent
+from contactsense.service.events.stored_events import StoredEvents
 from contactsense.service.events.tables import SCHEMA
 
 COMMIT_EVERY = 0.5
@@ -131,14 +132,17 @@ class Journal:
         self._closing = threading.Event()
         # What is wrong, each until it is over.
         self._not_written, self._unreadable, self._not_removed, self._elsewhere = "", "", "", ""
+        self._left_out = ""
         self._writer = threading.Thread(target=self._write, name="event journal", daemon=True)
         self._writer.start()
-        self._check = None if place is None else FileCheck(place, self.unreadable)
+        self._stored = StoredEvents(self.read, self._leave_out)
+        self._check = None if place is None else FileCheck(place, self.unreadable, self._leave_out)
 
     @property
     def error(self) -> str:
         """What is wrong, such as why the last commit failed, and what follows; empty if nothing is."""
-        return self._not_written or self._unreadable or self._not_removed or self._elsewhere
+        others = self._left_out or self._not_removed or self._elsewhere
+        return self._not_written or self._unreadable or others
 
     @property
     def database(self) -> sqlite3.Connection:
@@ -161,6 +165,13 @@ class Journal:
         """The error to raise where something in the file cannot be read; `error` says so from now on."""
         self._unreadable = f"{self._settings.path}: the journal cannot be read: {why}{_RECOVERY}"
         return JournalError(self._unreadable)
+
+    def _leave_out(self, number: int) -> None:
+        place = self._settings.path
+        self._left_out = (
+            f"{place}: event {number} is damaged and left out: does the disk fail? While no service runs, "
+            f"sqlite3 {place} 'DELETE FROM events WHERE id = {number}' removes it"
+        )
 
     @property
     def last(self) -> int:
@@ -200,24 +211,18 @@ class Journal:
         with self._numbering:  # before the file: an event committed in between is then in both
             waiting = [row for row in self._waiting if row[0] > number and (not kinds or row[1] in kinds)]
             first = self._waiting[0][0] if self._waiting else self._last + 1
-        marks = ",".join("?" * len(kinds))
-        of_kinds = f"AND kind IN ({marks})" if kinds else ""
-        query = f"SELECT id, body FROM events WHERE id > ? {of_kinds} ORDER BY id LIMIT ?"
         # Readers of new events need no file: one that is damaged must not end their streams.
-        rows = self.read(query, (number, *kinds, limit)) if number + 1 < first else []
+        rows = self._stored.after(number, limit, kinds) if number + 1 < first else []
         newest = rows[-1][0] if rows else number
         return ([body for _, body in rows] + [row[2] for row in waiting if row[0] > newest])[:limit]
 
     def latest(self, limit: int, kinds: Sequence[str]) -> list[str]:
-        """Return at most `limit` committed events of some kinds as JSON, oldest first.
+        """Return the last `limit` committed events of some kinds as JSON, oldest first.
 
         Raises:
             JournalError: They cannot be read.
         """
-        marks = ",".join("?" * len(kinds))
-        query = f"SELECT body FROM events WHERE kind IN ({marks}) ORDER BY id DESC LIMIT ?"
-        rows = self.read(query, (*kinds, limit))
-        return [body for (body,) in reversed(rows)]
+        return self._stored.latest(limit, kinds)
 
     def flush(self) -> None:
         """Commit the waiting events."""

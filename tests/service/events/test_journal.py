@@ -263,7 +263,7 @@ def test_a_file_that_the_disk_cannot_read_is_damaged(
     monkeypatch.setattr(file_check, "_PAUSE", 0.0)
     monkeypatch.setattr(sqlite3, "connect", fail)
     found: list[str] = []
-    check = FileCheck(tmp_path / "j.db", found.append)
+    check = FileCheck(tmp_path / "j.db", found.append, found.append)
     check._thread.join(20.0)
     assert found == told
 
