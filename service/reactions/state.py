@@ -239,15 +239,16 @@ class Reactions:
             self.on_lowered(fraction)
 
     def note_webhook(self, name: str, ok: bool, reason: str, decision: Mapping[str, Any]) -> ContactEvent:
-        """Record the result of the delivery of a decision; returns the event that reports it."""
+        """Record the result of the delivery of a decision, which may be empty, see `WebhookDelivery`; returns
+        the event that reports it."""
         health = self._webhook_health.setdefault(name, ActionHealth(type="webhook"))
         health.started += 1
         health.failed += not ok
         health.state, health.error = ("ok", "") if ok else ("failing", reason)
         words = f"{'done' if ok else 'failed'}: {reason}"
         return ContactEvent(
-            kind="action", t=float(decision["t"]), action=name, reason=words, rule=decision["rule"],
-            link=decision["link"],
+            kind="action", t=decision.get("t"), action=name, reason=words, rule=decision.get("rule", ""),
+            link=decision.get("link", ""),
         )  # fmt: skip
 
     def acknowledge(self, rule: str | None, by: str) -> bool:

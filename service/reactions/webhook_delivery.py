@@ -45,7 +45,7 @@ class WebhookDelivery:
         journal: The journal with the outbox.
         webhooks: Name -> webhook.
         on_result: Called with the name, whether an attempt succeeded, what to report, and the decision in the
-            form of `Decision.as_dict`.
+            form of `Decision.as_dict`; it is empty if it is not known, as the journal is damaged there.
         delays: See `DELAYS`.
     """
 
@@ -113,15 +113,16 @@ class WebhookDelivery:
             return
         for body_lost in lost:
             reason = f"lost, as {MOST} later ones wait"
-            self._on_result(name, False, reason, json.loads(body_lost)["data"])
+            self._on_result(name, False, reason, _decision_in(body_lost))
         if name in self._news:  # a reload may have removed it
             self._news[name].set()
 
-    def _remove_oldest(self, name: str) -> list[str]:
+    def _remove_oldest(self, name: str) -> list[bytes]:
         """Remove a webhook's deliveries beyond `MOST`; returns their bodies."""
         database = self._journal.database
         rows = database.execute(
-            "SELECT id, body FROM deliveries WHERE action = ? ORDER BY id DESC LIMIT -1 OFFSET ?",
+            "SELECT id, CAST(body AS BLOB) FROM deliveries "
+            "WHERE action = ? ORDER BY id DESC LIMIT -1 OFFSET ?",
             (name, MOST),
         ).fetchall()
         if rows:
@@ -159,19 +160,27 @@ class WebhookDelivery:
                 with contextlib.suppress(TimeoutError):
                     await asyncio.wait_for(self._news[name].wait(), _POLL)
                 continue
-            number, webhook_id, body, attempts = row
-            ok, status, reason = await self._attempt(name, webhook_id, body)
+            number, webhook_id, stored, attempts = row
+            decision = _decision_in(stored)
+            if not decision:
+                self._drop(number)
+                self._on_result(name, False, "lost, as its text in the journal is damaged", decision)
+                continue
+            ok, status, reason = await self._attempt(name, webhook_id, stored.decode())
             # Where the journal cannot be written, as on a full disk, the delivery must not be repeated.
             while not self._settle(name, number, attempts + 1, ok, status):
                 await asyncio.sleep(_POLL)
-            decision = json.loads(body)["data"]
             self._on_result(name, ok, self._words(reason, ok, status, attempts + 1), decision)
 
-    def _next(self, name: str) -> tuple[int, str, str, int] | None:
+    def _drop(self, number: int) -> None:
+        with self._journal.lock:
+            self._journal.database.execute("DELETE FROM deliveries WHERE id = ?", (number,))
+
+    def _next(self, name: str) -> tuple[int, str, bytes, int] | None:
         with self._journal.lock:
             self._follow_clock()
-            row: tuple[int, str, str, int] | None = self._journal.database.execute(
-                "SELECT id, webhook_id, body, attempts FROM deliveries "
+            row: tuple[int, str, bytes, int] | None = self._journal.database.execute(
+                "SELECT id, webhook_id, CAST(body AS BLOB), attempts FROM deliveries "
                 "WHERE action = ? AND due <= ? ORDER BY due LIMIT 1",
                 (name, time.time()),
             ).fetchone()
@@ -255,3 +264,14 @@ class WebhookDelivery:
         if attempts >= len(self._delays):
             return f"{reason}: given up after {attempts} attempts"
         return f"{reason}: tried again in about {self._delays[attempts]:g} s"
+
+
+def _decision_in(stored: bytes) -> dict[str, Any]:
+    """The decision of a delivery in the outbox; empty if a disk or a memory has changed its text: SQLite does
+    not notice it."""
+    try:
+        decision: dict[str, Any] = json.loads(stored.decode())["data"]
+        kinds = {"rule": str, "link": str, "t": int | float}
+        return decision if all(isinstance(decision[name], kind) for name, kind in kinds.items()) else {}
+    except (ValueError, TypeError, LookupError):
+        return {}

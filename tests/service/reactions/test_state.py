@@ -96,6 +96,8 @@ def test_the_event_of_a_delivery_has_the_time_of_the_sample() -> None:
     event = Reactions(RULES, None, lambda _: True).note_webhook("hook", True, "answered 200", decision)
     assert (event.t, event.action, event.reason) == (3.5, "hook", "done: answered 200")
     assert (event.rule, event.link) == ("old", "forearm")
+    damaged = Reactions(RULES, None, lambda _: True).note_webhook("hook", False, "lost", {})
+    assert (damaged.t, damaged.rule, damaged.link, damaged.reason) == (None, "", "", "failed: lost")
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from contactsense.service.events.journal import Journal, JournalSettings
 from contactsense.service.reactions import webhook_delivery
 from contactsense.service.reactions.actions.webhook import WebhookAction
 from contactsense.service.reactions.webhook_delivery import WebhookDelivery
-from tests.service.reactions.test_webhook_delivery import DECISION, SECRET
+from tests.service.reactions.test_webhook_delivery import DECISION, SECRET, hook, receiver, waiting
 
 HOUR = 3600.0
 SetClock = Callable[[float], None]
@@ -122,3 +122,47 @@ def test_a_pause_is_the_same_if_the_clock_is_set_during_the_attempt(step: float,
         delivery._write_result("hook", 1, 2, False, 500)
         assert delivery._next("hook") is None
         assert pauses(journal) == [pytest.approx(300.0, rel=webhook_delivery.JITTER)]
+
+
+@pytest.mark.parametrize(
+    "text", [b'{"data": {"rule"; "arm"}}', b'{"data": {"rule": "\xff"}}', b'{"data": {"rule": "arm"}}', b"7"]
+)
+def test_a_damaged_one_is_told_and_the_next_one_is_delivered(text: bytes) -> None:
+    """A disk or a memory has changed its text, which SQLite does not notice; no receiver could read it."""
+    with receiver(204) as server, Journal() as journal:
+        told: list[tuple[bool, str, object]] = []
+
+        async def scenario() -> None:
+            webhooks = {"hook": hook(server.server_port)}
+            delivery = WebhookDelivery(journal, webhooks, lambda _, *result: told.append(result), (0.0,))
+            for _ in range(2):
+                delivery.enqueue("hook", DECISION)
+            journal.database.execute(
+                "UPDATE deliveries SET body = CAST(? AS TEXT), due = 0 WHERE id = 1", (text,)
+            )
+            delivery.start()
+            async with asyncio.timeout(20):
+                while len(told) < 2:
+                    await asyncio.sleep(0.01)
+            assert not delivery.error
+            await delivery.stop()
+
+        asyncio.run(scenario())
+        assert told == [
+            (False, "lost, as its text in the journal is damaged", {}),
+            (True, "answered 204", DECISION),
+        ]
+        assert len(server.heard) == 1
+        assert waiting(journal) == 0
+
+
+def test_a_damaged_one_that_is_lost_is_told_without_its_decision(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(webhook_delivery, "MOST", 1)
+    told: list[object] = []
+    with Journal() as journal:
+        webhooks = {"hook": hook(1)}
+        delivery = WebhookDelivery(journal, webhooks, lambda _, *result: told.append(result))
+        delivery.enqueue("hook", DECISION)
+        journal.database.execute("UPDATE deliveries SET body = 'x'")
+        delivery.enqueue("hook", DECISION)
+    assert told == [(False, "lost, as 1 later ones wait", {})]
