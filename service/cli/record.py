@@ -26,7 +26,7 @@ from contactsense.service.cli.record_by_service import record_by_service
 from contactsense.service.group_signals import ignored
 from contactsense.service.live.scheduling import RECORDER, prefer_low_latency, prioritize
 from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError, read, scene_in
-from contactsense.service.recordings.export import export
+from contactsense.service.recordings.export import RECORDINGS, check_format, export
 from contactsense.service.recordings.file_names import check_name
 from contactsense.service.recordings.problem_lines import problem_lines
 from contactsense.service.recordings.writing.recorder import Recorder
@@ -195,6 +195,7 @@ def _state(live: LiveSource, recorder: Recorder) -> str:
 def _convert(origin: Path, out: Path, scene_path: Path | None, columns: str | None) -> None:
     check_no_input("--out", out, [origin])  # the new file has only the columns that were read
     check_writable("--out", out)
+    check_format(out, RECORDINGS)
     scene = scene_in(origin) if scene_path is None else Scene.load(scene_path)
     # What is written has the sensors' delays, too.
     recording = read(origin, without_delays(scene), ColumnMapping.parse(columns))

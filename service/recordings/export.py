@@ -1,6 +1,6 @@
 """Recordings and contacts as files: Parquet, CSV, and MCAP for Foxglove and ROS tools."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -30,6 +30,11 @@ from contactsense.service.recordings.tables.parquet_files import write_parquet
 from contactsense.service.recordings.tables.table import reason
 from contactsense.types import Contact
 
+TABLES = (".parquet", ".csv")
+"""Endings of files for tables."""
+RECORDINGS = (*TABLES, ".mcap")
+"""Endings of files for recordings."""
+
 
 def write_columns(path: str | Path, columns: Mapping[str, np.ndarray]) -> None:
     """Write columns of a recording; the format follows from the file's name: .parquet or .csv.
@@ -45,14 +50,15 @@ def write_columns(path: str | Path, columns: Mapping[str, np.ndarray]) -> None:
     _write_table(pa.table(dict(columns)), Path(path))
 
 
-def check_format(path: Path) -> None:
-    """Check the name of a file for a table.
+def check_format(path: Path, endings: Sequence[str] = TABLES) -> None:
+    """Check the name of a file to be written.
 
     Raises:
-        RecordingError: It tells no known format.
+        RecordingError: It tells none of these formats.
     """
-    if format_of(path) not in (".parquet", ".csv"):
-        raise RecordingError(f"{path}: expected a name that ends in .parquet or .csv")
+    if format_of(path) not in endings:
+        *others, last = endings
+        raise RecordingError(f"{path}: expected a name that ends in {', '.join(others)} or {last}")
 
 
 def _write_table(table: pa.Table, path: Path) -> None:
@@ -90,8 +96,7 @@ def export(
         RecordingError: The format is unknown, an extra package is missing, or the file cannot be written.
     """
     check_name(path)
-    if format_of(path) not in (".parquet", ".csv", ".mcap"):
-        raise RecordingError(f"{path}: expected a name that ends in .parquet, .csv or .mcap")
+    check_format(path, RECORDINGS)
     if scene is not None:
         recording = _as_read(recording, scene)
     if format_of(path) != ".mcap":

@@ -187,6 +187,14 @@ def test_a_recording_is_converted_and_its_problems_are_named(tmp_path: Path) -> 
     assert "carries no scene" in result.output
 
 
+def test_a_name_that_tells_no_format_is_refused_before_the_recording_is_read(tmp_path: Path) -> None:
+    """A long one takes minutes."""
+    arguments = ["--from", str(tmp_path / "long.parquet"), "--out", str(tmp_path / "a.tsv")]
+    result = CliRunner().invoke(record, arguments)
+    assert result.exit_code == 1
+    assert "a.tsv: expected a name that ends in .parquet, .csv or .mcap" in result.output
+
+
 FRAMES = """
 robot: ur5e
 tool: {mass: 1.0, primitives: [{kind: sphere, center: [0, 0, 0.1], radius: 0.05}]}
