@@ -37,7 +37,7 @@ _templates = jinja2.Environment(
     lstrip_blocks=True,
     undefined=jinja2.StrictUndefined,
 )
-_templates.globals["nowhere"] = NOWHERE
+_templates.globals |= {"nowhere": NOWHERE, "contact": CONTACT}
 
 
 def _code(text: str) -> Markup:

@@ -2,6 +2,7 @@
 
 import json
 from collections import Counter
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from contactsense.robots.files.whole_file import write_text
 from contactsense.scene import Scene
 from contactsense.service.analysis.assumptions import assumptions
 from contactsense.service.analysis.fleet.drawn_arms import drawn_arms, members
+from contactsense.service.analysis.fleet.drift import Daily
 from contactsense.service.analysis.fleet.segments import UNKNOWN
 from contactsense.service.analysis.fleet.summary import FleetSummary, RobotSummary, robot_rows
 from contactsense.service.analysis.health import UNJUDGED
@@ -174,7 +176,8 @@ def _text(value: float | None, unit: str, digits: int = 2) -> str:
 
 
 def _charts(summary: FleetSummary) -> list[tuple[str, str, str]]:
-    """Name, friction chart and joint-bias chart of the robots that drift most."""
+    """Name, friction chart and joint-bias chart of the robots that drift most; a chart is empty if nothing is
+    known."""
     charts = []
     for robot in summary.robots:
         coulomb, bias = robot.friction_by_day()[0].dated, robot.bias_by_day()[1].dated
@@ -183,10 +186,14 @@ def _charts(summary: FleetSummary) -> list[tuple[str, str, str]]:
         name = robot.robot
         joints = _joint_names(robot.scene)
         largest = max([0.0, *np.abs(coulomb.drift[np.isfinite(coulomb.drift)])])
-        friction = drift_chart(
-            coulomb.dates, coulomb.values, joints, "Nm", f"Coulomb friction of {name} beyond the scene's"
-        )
-        biases = drift_chart(bias.dates, bias.values, joints, "Nm", f"biases of the joint torques of {name}")
+        friction = _chart(coulomb, joints, f"Coulomb friction of {name} beyond the scene's")
+        biases = _chart(bias, joints, f"biases of the joint torques of {name}")
         charts.append((largest, name, friction, biases))
     charts.sort(key=lambda chart: -chart[0])
     return [chart[1:] for chart in charts[:MOST_CHARTS]]
+
+
+def _chart(daily: Daily, joints: Sequence[str], title: str) -> str:
+    """Torques of each joint over days; empty if none is known, as the friction of an arm at rest."""
+    known = np.isfinite(daily.values).any()
+    return drift_chart(daily.dates, daily.values, joints, "Nm", title) if known else ""

@@ -67,6 +67,20 @@ def test_a_short_recording_lasts_longer_than_nothing(tmp_path: Path) -> None:
     assert "| a | 1 | 0.0021 | 0 |" in (tmp_path / "fleet.md").read_text()
 
 
+def test_friction_that_no_day_tells_is_called_unknown(tmp_path: Path) -> None:
+    """As that of an arm at rest: an empty chart had zero at both ends of its axis."""
+    known, unknown = [[0.1] * 6] * 2, [[None] * 6] * 2
+    robot = RobotSummary(
+        *("a", Scene(robot="ur5e"), 2, 1.0), dates=["2026-01-01", "2026-01-02"], base_bias=known,
+        joint_bias=known, joint_constant=unknown, coulomb=unknown, viscous=unknown, coulomb_std=unknown,
+        viscous_std=unknown,
+    )  # fmt: skip
+    write_fleet_report(FleetSummary((robot,), summarize({}, [], []).contacts, (), 0), tmp_path)
+    page = (tmp_path / "fleet.html").read_text()
+    assert "<figure><figcaption>Coulomb friction beyond the scene's, mean of each day: unknown" in page
+    assert "Biases of the joint torques, median of each day</figcaption>" in page
+
+
 @pytest.mark.slow
 def test_forces_that_sensors_did_not_determine_are_told(tmp_path: Path) -> None:
     """Robot a measures everything, the base sensor of b is silent for a while, and c has recordings without
