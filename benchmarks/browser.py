@@ -136,11 +136,23 @@ class Page:
         self.evaluate(f"{found}.click()")
 
     def enter(self, label: str, number: int, text: str) -> None:
-        """Write into one of the numbers with this label, counted from 0."""
+        """Write into one of the numbers with this label, counted from 0.
+
+        Raises:
+            BrowserError: It does not take the text.
+        """
         field = f"{_control(label)}.closest('.mantine-NumberInput-root').parentElement"
         field = f"{field}.querySelectorAll('input')[{number}]"
-        self.evaluate(f"{field}.focus(), {field}.select()")
-        self.call("Input.insertText", text=text)
+        end = time.monotonic() + START
+        while True:
+            self.evaluate(f"{field}.focus(), {field}.select()")
+            self.call("Input.insertText", text=text)
+            # A page that is still being drawn may take the focus away in between.
+            if self.evaluate(f"{field}.value") == text:
+                return
+            if time.monotonic() > end:
+                raise BrowserError(f"{label}: expected it to take {text!r}")
+            time.sleep(0.1)
 
     def key(self, name: str) -> None:
         """Press a key, such as Home, in what has the focus."""
