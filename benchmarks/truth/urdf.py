@@ -68,17 +68,18 @@ def limits(joints: Sequence[ElementTree.Element], path: Path) -> tuple[np.ndarra
 
 def mesh_path(name: str, urdf: Path) -> Path:
     """Where the mesh is that a URDF names: beside it, or, if the name begins with a package, in a folder of
-    that name above it.
+    that name above it. Where there is none, the package may have another name: it is any folder above.
 
     Raises:
-        ValueError: there is no such folder.
+        ValueError: there is no such file.
     """
     if not name.startswith("package://"):
         return urdf.parent / name.removeprefix("file://")
-    inside = name.removeprefix("package://")
-    for folder in urdf.resolve().parents:
-        if (folder / inside).is_file():
-            return folder / inside
+    named = name.removeprefix("package://")
+    folders = urdf.resolve().parents
+    for path in (folder / part for part in (named, named.partition("/")[2]) for folder in folders):
+        if path.is_file():
+            return path
     raise ValueError(f"{name}: expected this file below a folder above the URDF, found none")
 
 

@@ -106,6 +106,13 @@ def test_the_surface_is_that_of_the_library(urdf: Path) -> None:
         np.testing.assert_allclose(mesh.bounds, known[link.name].bounds, atol=1e-3)
 
 
+def test_a_package_may_have_another_name_here_as_for_the_library(urdf: Path) -> None:
+    renamed = urdf.parents[1].rename(urdf.parents[2] / "clone") / "urdf" / urdf.name
+    known = read_chain(renamed).meshes()["lower"]
+    link = urdf_arm.read(renamed).links[2]
+    assert trimesh.Trimesh(link.vertices, link.faces).area == pytest.approx(known.area, rel=0.02)
+
+
 def test_a_mirrored_mesh_has_its_outside_outside(urdf: Path) -> None:
     def volume() -> float:
         link = urdf_arm.read(urdf).links[2]
