@@ -29,5 +29,9 @@ class Solution:
     @property
     def spread(self) -> np.ndarray:
         """Standard deviations of the values, in units of their priors, shape (P,)."""
-        covariance = lu_solve(self.factor, np.eye(len(self.values)), check_finite=False)
-        return np.asarray(np.sqrt(np.diag(covariance)))
+        variance = np.diag(lu_solve(self.factor, np.eye(len(self.values)), check_finite=False))
+        prior = np.ones(len(variance))
+        for first in self.biases.values():
+            prior[first : first + 6] = 0.5 * (1.0 + self.values[first : first + 6] ** 2)
+        # Rounding loses what the motion hardly tells, as that of an arm at rest: only the prior is known.
+        return np.asarray(np.sqrt(np.where(variance > 0.0, variance, prior)))
