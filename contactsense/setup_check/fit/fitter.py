@@ -206,14 +206,15 @@ class Fitter:
         return solved.values @ sums, np.sqrt(variance)
 
     def set_effective_rows(self, residual: np.ndarray) -> None:
-        """Reduce the number of rows by the correlation of neighbouring residuals.
+        """Reduce the number of rows by the correlation of neighbouring residuals of a recording.
 
         That of a first-order autoregressive process: (1 - r) / (1 + r) of the rows are independent.
         """
         for c in self._channels:
-            r = residual[np.isfinite(residual[:, c]), c]
-            r = r - r.mean()
-            correlation = float(r[1:] @ r[:-1]) / max(float(r @ r), 1e-300)
+            r = residual[:, c] - np.nanmean(residual[:, c])
+            pairs = r[1:] * r[:-1]
+            pairs[self._readings.starts - 1] = 0.0
+            correlation = float(np.nansum(pairs)) / max(float(np.nansum(r**2)), 1e-300)
             self.effective[c] = np.clip((1.0 - correlation) / (1.0 + correlation), 0.05, 1.0)
 
     def _slopes(self, setup: Setup, free: tuple[Free, ...], prior: np.ndarray) -> np.ndarray:

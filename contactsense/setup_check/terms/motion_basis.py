@@ -124,6 +124,8 @@ class Readings:
     """Of each force/torque sensor that the scene and any recording have, by field, shape (M, 6) [N, Nm]."""
     variance_ratio: float
     """Variance of white noise in them over that in single samples."""
+    starts: np.ndarray
+    """Numbers of the instants at which another recording begins, int."""
 
     @classmethod
     def of(cls, scene: Scene, recordings: list[FreeMotion]) -> Self:
@@ -146,6 +148,7 @@ class Readings:
             -filtered("joint_torque", slice(n)) if "joint_torque" in there else None,
             {field: filtered(field, slice(n, None)) for field in wrench_fields(scene) if field in there},
             averaged_noise(dt),
+            np.unique(np.cumsum([len(at.nodes) for at in places if len(at.nodes)])[:-1]),
         )
 
     def measured(self, joints: int, fields: Sequence[str]) -> np.ndarray:
