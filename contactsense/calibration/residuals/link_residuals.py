@@ -146,7 +146,8 @@ def link_rows(
         columns = []
         for k, entry in enumerate(selected):
             if entry.sensor == field or entry.group in ("payload", "tilt"):
-                part, before = (smooth, of_smooth) if entry.group == "payload" else (recording, residual)
+                of_motion = entry.group in ("payload", "link_turn")
+                part, before = (smooth, of_smooth) if of_motion else (recording, residual)
                 columns.append((k, difference(residual_of, arm, part, entry, before)[keep]))
         if per_body is not None:
             link = _Poses.of(arm.scene, recording.q[keep], mount)

@@ -9,8 +9,10 @@ those by its place follow from the measured force. Derivatives of the residual i
 force by the model, with the noise of the velocities, which is in the residual too: a fit would move the
 sensor to where that is smaller. The noise of the measured force is not in the moments of this residual, so
 neither noise biases the place: the measured force is an instrumental variable (T. Soederstroem, P. Stoica,
-"Instrumental variable methods for system identification", 1983). Those by masses, of the tool and of the
-links, and by the delay are derivatives of the residuals of a smooth motion
+"Instrumental variable methods for system identification", 1983). Those by the orientation follow from the
+wrench by the model: the measured one has the residual's own noise, and of an arm at rest, whose wrench tells
+nothing of the orientation, that noise alone would seem to. Those by masses, of the tool and of the links, by
+the orientation and by the delay are derivatives of the residuals of a smooth motion
 (`contactsense.calibration.residuals.smooth_velocities`), except in the joint torques, whose own noise is
 larger.
 """
@@ -20,6 +22,7 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from contactsense.calibration.calibration_model import CalibrationModel
 from contactsense.calibration.free_motion import FreeMotion
@@ -47,10 +50,10 @@ from contactsense.residuals.momentum_observer import (
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import kernel
 
-DIFFERENCE_STEPS: dict[Group, float] = {"tilt": 1e-5, "turn": 1e-5, "link_turn": 1e-5, "payload": 1e-3}
+DIFFERENCE_STEPS: dict[Group, float] = {"tilt": 1e-5, "payload": 1e-3}
 """Steps for parameters that enter nonlinearly, in units of their prior standard deviation."""
 
-_OF_THE_MOTION: tuple[Group, ...] = ("payload", "delay", "links")
+_OF_THE_MOTION: tuple[Group, ...] = ("payload", "turn", "delay", "links")
 """Groups whose derivatives in the equations of the base sensor are those of smoothed velocities."""
 
 _START = 15.0
@@ -127,7 +130,7 @@ def linearize(
             slopes += _joint_columns(arm, recording, selected, entry.group, bandwidth, residual, keep)
         else:
             slope = difference(residual_of, arm, recording, entry, residual)
-            if entry.group in ("payload", "delay") and smooth is not recording:
+            if entry.group in _OF_THE_MOTION and smooth is not recording:
                 of_motion = difference(residual_of, arm, smooth, entry, of_smooth)
                 # A delay acts by the change of the accelerations, which is wrong near the ends.
                 where = is_smooth(recording) if entry.group == "delay" else slice(None)
@@ -192,14 +195,38 @@ def difference(
         # The rate of the readings' own noise exceeds that of slow motion many times, and would seem to
         # exclude any delay. The model's readings have no noise: what remains of readings that are zero, with
         # the opposite sign.
-        zero = {field: np.zeros_like(reading) for field, reading in recording.readings.items()}
-        silent = replace(recording.with_readings(zero), torque=None)
-        rate = -np.gradient(residual_of(arm, silent), recording.t, axis=0)
+        rate = -np.gradient(residual_of(arm, _silent(arm, recording)), recording.t, axis=0)
         rate[_starting(recording.t, arm.scene.bandwidth)] = 0.0
         return np.asarray(rate)
+    if entry.group in ("turn", "link_turn"):
+        # The filter works in base axes: this neglects how far a sensor within the arm turns meanwhile.
+        slope = np.zeros_like(residual)
+        model, axis = residual_of(arm, _silent(arm, recording)), _axis(arm, entry)
+        for part in (slice(-6, -3), slice(-3, None)):
+            slope[:, part] = np.cross(model[:, part], axis)
+        return slope
     h = entry.prior_std * DIFFERENCE_STEPS.get(entry.group, 1.0)
     changed = apply_step(arm, [entry], np.array([h]))
     return np.asarray((residual_of(changed, recording) - residual) / h)
+
+
+def _silent(arm: CalibrationModel, recording: FreeMotion) -> FreeMotion:
+    """The recording with sensors that measure nothing: what remains is the model with the opposite sign."""
+    known = {"base_wrench": arm.wrench_bias, **dict(zip(arm.scene.link_sensors, arm.link_bias, strict=True))}
+    nothing = {field: np.tile(known[field], (len(x), 1)) for field, x in recording.readings.items()}
+    return replace(recording.with_readings(nothing), torque=None)
+
+
+def _axis(arm: CalibrationModel, entry: Entry) -> np.ndarray:
+    """Axis about which a parameter of a sensor's orientation turns its readings, in the axes of the
+    residuals, shape (3,); its length is the angle per unit."""
+    turn = arm.turn if entry.sensor is None else arm.link_turn[entry.index[0]]
+    now, h = Rotation.from_rotvec(turn), 1e-5
+    axis = (Rotation.from_rotvec(turn + h * np.eye(3)[entry.index[-1]]) * now.inv()).as_rotvec() / h
+    if entry.sensor is None:
+        return np.asarray(axis)
+    # The residual of a sensor within the arm is in its own frame.
+    return np.asarray((now.as_matrix() @ arm.scene.link_sensors[entry.sensor].rotation).T @ axis)
 
 
 def _starting(t: np.ndarray, bandwidth: float) -> np.ndarray:

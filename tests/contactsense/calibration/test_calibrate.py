@@ -1,6 +1,7 @@
 """Calibration finds what a simulated recording was made of, and says what it cannot find."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,9 +11,12 @@ from contactsense import JointTorqueSensor, Scene, WrenchSensor
 from contactsense.benchmarks.calibration.recordings import read
 from contactsense.benchmarks.calibration.simulate import simulate
 from contactsense.calibration import Calibration, CalibrationError, FreeMotion, Settings, calibrate
+from contactsense.calibration.calibration_model import CalibrationModel
 from contactsense.calibration.motion.fourier_trajectory import FourierTrajectory
+from contactsense.calibration.residuals.recording_residuals import residuals
 from contactsense.calibration.torque_signal_meaning import compare_meanings, setting_warnings
 from contactsense.robots.tool import Tool
+from contactsense.scene_model.wrench_map import WrenchMap
 from contactsense.sensors.settings import Friction
 from contactsense.setup_check import check
 from tests.plain_arm import plain_ur5e
@@ -170,6 +174,21 @@ def test_an_arm_at_rest_says_nothing_of_the_torque_signal() -> None:
     q = np.tile(CENTER, (500, 1))
     recording = FreeMotion(np.arange(500) * 0.01, q, 0.0 * q, torque=0.0 * q)
     assert setting_warnings(SEARCHED, compare_meanings(SEARCHED, [recording], 10.0)) == []
+
+
+def test_an_arm_at_rest_says_nothing_of_the_orientation_of_its_base_sensor() -> None:
+    """The noise of the readings is turned with them, and seemed to tell it to one degree."""
+    scene = SEARCHED.model_copy(update={"joint_torque": None})
+    rng, q = np.random.default_rng(5), np.tile(CENTER, (1500, 1))
+    rest = FreeMotion(np.arange(1500) * 0.008, q, 0.0 * q, reading=np.zeros((1500, 6)))
+    weight = -residuals(CalibrationModel.of(scene), rest, scene.bandwidth)[-1, 6:]
+    noise = np.repeat([0.5, 0.05], 3) * rng.standard_normal((1500, 6))
+    sensor = WrenchMap.of(scene.base_wrench or WrenchSensor())
+    reading = sensor.reading(np.tile(weight, (1500, 1))) + np.array([4.0, -3.0, 2.0, 1.0, 0.5, 0.2]) + noise
+    found = calibrate(scene, [replace(rest, reading=reading)])
+    assert found.scene.base_wrench is not None
+    assert found.scene.base_wrench.rpy == pytest.approx((0.0, 0.0, 0.2), abs=1e-9)
+    assert {value.entry.name for value in found.values if value.kept} >= {"turn x", "turn y", "turn z"}
 
 
 def test_unusable_recordings_are_refused() -> None:
