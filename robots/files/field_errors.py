@@ -52,6 +52,8 @@ _COMPLETE = {"missing", "value_error", "union_tag_invalid", "union_tag_not_found
 _SHORT = reprlib.Repr()
 _SHORT.maxstring = _SHORT.maxother = 60
 _SHORT.maxlist = _SHORT.maxtuple = _SHORT.maxdict = 8
+_MOST_SHOWN = 120
+"""Characters of a value that are shown."""
 _MOST_LISTED = 20
 """A message about an unknown field lists the known ones if there are no more."""
 _MOST_ISSUES = 100
@@ -153,4 +155,5 @@ def _given(value: Any) -> str:
     """What was given, in words of YAML and JSON, shortened."""
     if value is None or isinstance(value, bool):
         return f", got {_LITERALS[value]}"
-    return f", got {_SHORT.repr(value)}"
+    text = _SHORT.repr(value)
+    return f", got {text if len(text) <= _MOST_SHOWN else f'{text[:_MOST_SHOWN]}...'}"

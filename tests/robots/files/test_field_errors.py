@@ -143,3 +143,12 @@ def test_a_field_with_the_name_of_a_branch_keeps_it() -> None:
 def test_no_more_errors_are_put_into_words_than_somebody_reads() -> None:
     issues = [{"type": "float_type", "loc": ("x", i), "msg": "", "input": "a"} for i in range(5000)]
     assert list(reasons(issues, list[float])) == [("x", i) for i in range(100)]
+
+
+def test_of_a_large_value_no_more_is_shown_than_somebody_reads() -> None:
+    """As where one file is taken for another."""
+    rules = {f"rule {i}": {f"field {k}": [[k, k, k]] * 8 for k in range(8)} for i in range(8)}
+    told = reasons([{"type": "list_type", "loc": ("x",), "msg": "", "input": rules}], list[float])["x",]
+    assert told.startswith("expected a list, got {'rule 0': {'field 0': [[0, 0, 0], ")
+    assert len(told) < 150
+    assert told.endswith("...")
