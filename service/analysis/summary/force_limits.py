@@ -4,8 +4,9 @@ not a conformity test."""
 from pathlib import Path
 from typing import Self
 
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, ValidationError, model_validator
+from pydantic import Field, PositiveFloat, ValidationError, model_validator
 
+from contactsense.robots.files.file_model import FileModel
 from contactsense.robots.files.yaml_fields import read_fields
 from contactsense.scene import describe
 from contactsense.service.analysis.summary.contact_summary import ContactSummary
@@ -19,10 +20,8 @@ class LimitsError(ValueError):
     """A file of limits that cannot be used: the message names the file, the field and the expected value."""
 
 
-class RegionLimit(BaseModel):
+class RegionLimit(FileModel):
     """Limits for one region of the body."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     name: str
     """The region, such as `hand`."""
@@ -32,10 +31,8 @@ class RegionLimit(BaseModel):
     """Largest transient force, in the first half second [N]."""
 
 
-class ForceLimits(BaseModel):
+class ForceLimits(FileModel):
     """Limits by region of the body, and where they come from."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     provenance: str = Field(min_length=1)
     """Where the limits come from; printed with every result."""

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, NonNegativeFloat, PositiveFloat, model_validator
+from pydantic import AfterValidator, Field, PositiveFloat, model_validator
 
 from contactsense.robots.files.file_model import FileModel
 from contactsense.robots.units import within_one_turn
@@ -13,11 +13,11 @@ Vector = tuple[float, float, float]
 class _Obstacle(FileModel):
     name: str = ""
     """Name in reports; default: its kind."""
-    stiffness: PositiveFloat = 20_000.0
+    stiffness: Annotated[float, Field(gt=0.0, le=1e9)] = 20_000.0
     """Normal force per penetration depth [N/m]."""
-    damping: NonNegativeFloat = 100.0
+    damping: Annotated[float, Field(ge=0.0, le=1e7)] = 100.0
     """Additional normal force per speed of approach [Ns/m]; the obstacle never pulls."""
-    friction: NonNegativeFloat = 0.0
+    friction: Annotated[float, Field(ge=0.0, le=100.0)] = 0.0
     """Coefficient of Coulomb friction."""
 
 

@@ -22,6 +22,13 @@ from contactsense.service.mock.urscript.functions import WatchdogAction, input_f
 
 Vector = tuple[float, float, float]
 Posture = Annotated[tuple[float, ...], Field(min_length=1)]
+# Far more than anybody simulates: squares of huge numbers overflow.
+_LONGEST = 1e6
+_Pause = Annotated[float, Field(ge=0.0, le=_LONGEST)]
+_STRONGEST = 1e5
+_Force = Annotated[float, Field(ge=-_STRONGEST, le=_STRONGEST)]
+_Forces = tuple[_Force, _Force, _Force]
+_Noise = Annotated[float, Field(ge=0.0, le=1e4)]
 
 LARGEST_GRAVITY = 30.0
 """As for a scene [m/s^2]."""
@@ -36,13 +43,13 @@ class ScriptError(ValueError):
 class Noise(FileModel):
     """Standard deviations of the white noise of sensors and of the controller's joint velocities."""
 
-    base_force: NonNegativeFloat = 0.0
+    base_force: _Noise = 0.0
     """Base sensor's force, each axis [N]."""
-    base_moment: NonNegativeFloat = 0.0
+    base_moment: _Noise = 0.0
     """Base sensor's moment about the base origin, each axis [Nm]."""
-    joint_torque: NonNegativeFloat = 0.0
+    joint_torque: _Noise = 0.0
     """Joint torques [Nm]."""
-    joint_velocity: NonNegativeFloat = 0.0
+    joint_velocity: _Noise = 0.0
     """Velocities of joints that move [rad/s]."""
     seed: NonNegativeInt = 0
     """Seed of the random generator; the same seed gives the same noise."""
@@ -53,9 +60,9 @@ class Move(FileModel):
 
     to: Posture
     """Joint positions at the end of the move [rad]."""
-    duration: PositiveFloat
+    duration: Annotated[float, Field(ge=1e-3, le=_LONGEST)]
     """Duration of the move [s]; a quintic, at rest at both ends."""
-    dwell: NonNegativeFloat = 0.0
+    dwell: _Pause = 0.0
     """Time at rest after the move [s]."""
 
 
@@ -64,7 +71,7 @@ class Trajectory(FileModel):
 
     start: Posture
     """Joint positions at the beginning [rad]."""
-    dwell: NonNegativeFloat = 1.0
+    dwell: _Pause = 1.0
     """Time at rest before the first move [s]."""
     moves: tuple[Move, ...] = ()
     """The moves, in order."""
@@ -95,13 +102,13 @@ class Contact(FileModel):
     """Duration of the rise and of the fall of the force, raised cosine [s]."""
     normal: Vector | None = None
     """Outward normal of the surface at the point, link axes; any length. Needed for `push` and `torsion`."""
-    push: PositiveFloat | None = None
+    push: Annotated[float, Field(gt=0.0, le=_STRONGEST)] | None = None
     """Force in the direction opposite to the outward normal [N]."""
-    force_link: Vector | None = None
+    force_link: _Forces | None = None
     """Force on the robot, link axes [N]."""
-    force_base: Vector | None = None
+    force_base: _Forces | None = None
     """Force on the robot, base axes [N]."""
-    torsion: float = 0.0
+    torsion: _Force = 0.0
     """Moment on the robot about the outward normal [Nm]."""
 
     @model_validator(mode="after")

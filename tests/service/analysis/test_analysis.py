@@ -172,6 +172,10 @@ def test_forces_are_compared_with_the_users_own_limits(analysis: Analysis, tmp_p
         ("regions: []", "provenance: expected a value, the field is missing"),
         ("[1]", "expected fields such as `regions:`, got [1]"),
         ("provenance: x\nregions: [{name: hand, quasi_static: -1, transient: 2}]", "regions[0].quasi_static"),
+        (
+            "provenance: x\nregions: [{name: hand, quasi_static: yes, transient: 2}]",
+            "regions[0].quasi_static: expected a number, got true",
+        ),
         ("a: [", "not YAML"),
     ],
 )

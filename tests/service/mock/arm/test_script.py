@@ -50,6 +50,24 @@ def test_a_good_script() -> None:
                 "input_int_registr_47",
             ],
         ),
+        ("push: 20", "push: 1e300", ["contacts[0].push: expected a number of at most 100000, got 1e+300"]),
+        *(
+            ("to: [1, 1], duration: 2.0", f"to: [1, 1], duration: {number}", [f"moves[0].duration: {told}"])
+            for number, told in (
+                ("1e300", "expected a number of at most 1000000, got 1e+300"),
+                ("1e-300", "expected a number of at least 0.001, got 1e-300"),
+            )
+        ),
+        (
+            "robot: ur5e",
+            "robot: ur5e\nnoise: {base_force: 1e300}",
+            ["noise.base_force: expected a number of at most 10000, got 1e+300"],
+        ),
+        (
+            "robot: ur5e",
+            "robot: ur5e\nobstacles: [{kind: sphere, center: [9, 9, 9], radius: 1, stiffness: 1e300}]",
+            ["obstacles[0].stiffness: expected a number of at most 1000000000, got 1e+300"],
+        ),
         ("robot: ur5e", "robot: ur5e\nrate: 1.0e+9", ["rate: expected a number of at most 10000"]),
         ("robot: ur5e", "robot: ur5e\ngravity: [0, 0, -9810]", ["gravity: expected at most 30 m/s^2, got"]),
         ("duration: 1.0}", "duration: 1.0, ramp: 0.6}", ["ramp: expected at most half", "got 0.6 s"]),
