@@ -15,7 +15,6 @@ from pydantic import (
     AfterValidator,
     BaseModel,
     Field,
-    PositiveFloat,
     ValidationError,
     field_validator,
     model_validator,
@@ -37,7 +36,9 @@ from contactsense.robots.units import FURTHEST, in_metres, within_one_turn
 Place = Annotated[Vector, AfterValidator(in_metres)]
 Angles = Annotated[Vector, AfterValidator(within_one_turn)]
 Entry = TypeVar("Entry", bound=BaseModel)
-Rotor = Annotated[float, Field(ge=0.0)]
+# As in a scene: squares of huge numbers overflow.
+Rotor = Annotated[float, Field(ge=0.0, le=1e6)]
+TorqueConstant = Annotated[float, Field(gt=0.0, le=1e4)]
 # A limit that is not known, or that a joint does not have, is infinite; no other number of a joint is.
 PositionLimit = Annotated[float, Field(allow_inf_nan=True)]
 PositiveLimit = Annotated[float, Field(gt=0.0, allow_inf_nan=True)]
@@ -75,7 +76,7 @@ class JointEntry(FileModel):
     velocity_limit: PositiveLimit
     torque_limit: PositiveLimit
     rotor_inertia: Rotor | None = None
-    torque_constant: PositiveFloat | None = None
+    torque_constant: TorqueConstant | None = None
 
     @model_validator(mode="after")
     def _has_range_and_axis(self) -> "JointEntry":
