@@ -34,6 +34,8 @@ _PRUNE_EVERY = 60.0
 """Time between two checks of the limits of age and size [s]."""
 _BLOCK = 1000
 """Numbers that are reserved at a time."""
+_LARGEST = 2**62
+"""Largest number of an event, as a request may have it."""
 _MOST_WAITING = 10_000
 """Events that wait in memory while the file cannot be written; beyond it the oldest are lost."""
 _REMOVED = 500
@@ -141,8 +143,7 @@ class Journal:
     @property
     def error(self) -> str:
         """What is wrong, such as why the last commit failed, and what follows; empty if nothing is."""
-        others = self._left_out or self._not_removed or self._elsewhere
-        return self._not_written or self._unreadable or others
+        return self._not_written or self._unreadable or self._left_out or self._not_removed or self._elsewhere
 
     @property
     def database(self) -> sqlite3.Connection:
@@ -339,12 +340,16 @@ class Journal:
         return int(self._database.execute(f"PRAGMA {name}").fetchone()[0])
 
     def _read_last(self) -> int:
-        row = self._database.execute("SELECT value FROM numbers WHERE name = 'reserved'").fetchone()
+        row = self._database.execute(
+            "SELECT value FROM numbers WHERE name = 'reserved' AND typeof(value) = 'integer' "
+            "AND value BETWEEN 0 AND ?",
+            (_LARGEST,),
+        ).fetchone()
         (highest,) = self._database.execute("SELECT max(id) FROM events").fetchone()
-        if row is None and highest is None:
-            # Numbers must rise, too, where another journal was used before, in memory or in a file.
-            return time.time_ns() // 1_000_000
-        return max(0 if row is None else int(row[0]), highest or 0)
+        if row is None:
+            # Numbers must rise, too, where another journal was used before, or where this one is damaged.
+            return max(time.time_ns() // 1_000_000, highest or 0)
+        return max(int(row[0]), highest or 0)
 
     def _reserve(self, upto: int) -> None:
         try:

@@ -59,6 +59,22 @@ def test_the_others_are_read_and_it_is_told(before: bytes, after: bytes, tmp_pat
         assert not journal.error
 
 
+@pytest.mark.parametrize("value", ["'x'", "CAST(x'ff' AS TEXT)", "-7", "9223372036854775807"])
+def test_numbers_rise_though_what_was_reserved_is_damaged(value: str, tmp_path: Path) -> None:
+    """The service did not start."""
+    path = tmp_path / "j.db"
+    with Journal(JournalSettings(path=path)) as journal:
+        before = journal.append(event(1)).id
+    with closing(sqlite3.connect(path)) as database:
+        database.execute(f"UPDATE numbers SET value = {value}")
+        database.commit()
+    for n in (2, 3):  # also after a further start
+        with Journal(JournalSettings(path=path)) as journal:
+            assert contacts(journal.since(before - 1)) == list(range(1, n))
+            assert journal.append(event(n)).id > before
+            assert not journal.error
+
+
 def test_it_is_told_soon_after_the_start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(file_check, "_PAUSE", 0.0)
     path, number = changed(tmp_path, b'"contact":3', b'"contact";3')
