@@ -102,11 +102,18 @@ def view(
             page = _page(host, port)
             viewer = Viewer(page, source.scene)
             viewer.add_controls(source.title, source.add_controls)
-            run(lambda: viewer.draw(source.frame(), source.note()), over)
+            run(lambda: _draw(viewer, source), over)
             viewer.close()
     except (SceneError, LiveError, RecordingError, MappingError, TokenError) as error:
         raise refusal(error) from None
     return 0
+
+
+def _draw(viewer: Viewer, source: RecordedSource | AnalysisSource) -> None:
+    frame = source.frame()
+    if isinstance(source, AnalysisSource):
+        viewer.face(frame.estimate)
+    viewer.draw(frame, source.note())
 
 
 def _end_in_order(over: threading.Event) -> None:

@@ -1,4 +1,5 @@
-"""The camera of a page: so that the arm is in the picture, however wide that is, until a reader moves it."""
+"""The camera of a page: so that the arm is in the picture, however wide that is, and a contact that is looked
+at for long is on the near side, until a reader moves it."""
 
 import itertools
 from typing import NamedTuple
@@ -15,7 +16,14 @@ from contactsense.service.scene.summary import link_places
 FIELD_OF_VIEW = np.radians(75.0)
 """Of the page's camera, from top to bottom [rad]."""
 AHEAD = np.array([-0.6, 0.68, -0.3])
-"""Direction in which the camera looks, in a world whose z points up."""
+"""Direction in which the camera looks at first, in a world whose z points up."""
+SIDES = 8
+"""Number of sides from which the arm may be seen."""
+SEEN = (0.2, 0.85)
+"""Cosines of the angle between the normal of a place and the direction to the camera: below them the place is
+hidden, above them the arrow of its force is seen from its end."""
+OBLIQUE = 0.5
+"""The cosine that is best."""
 MARGIN = 0.94
 """Part of the picture that is used."""
 USUAL_ASPECT = 1.2
@@ -35,7 +43,7 @@ class View(NamedTuple):
     """The point around which a mouse turns the picture, shape (3,) [m]."""
 
 
-def first_view(scene: Scene, landmarks: np.ndarray, aspect: float) -> View:
+def first_view(scene: Scene, landmarks: np.ndarray, aspect: float, ahead: np.ndarray = AHEAD) -> View:
     """The place from which the arm in its usual posture, turned about its first joint, fills the picture; no
     posture is cut off above or below. Of an arm that is not in the library, whose postures are not known, the
     whole reach fills it.
@@ -44,6 +52,7 @@ def first_view(scene: Scene, landmarks: np.ndarray, aspect: float) -> View:
         scene: The arm in its cell.
         landmarks: Further places that are in the picture, shape (N, 3), world frame [m].
         aspect: Width of the picture over its height.
+        ahead: Direction in which the camera looks.
     """
     joints = len(scene.robot.joints)
     turned, stretched = [], []
@@ -58,7 +67,18 @@ def first_view(scene: Scene, landmarks: np.ndarray, aspect: float) -> View:
         turned += stretched
     wide = np.concatenate((scene.orientation.apply(np.concatenate(turned)), landmarks))
     tall = np.concatenate((scene.orientation.apply(np.concatenate(stretched)), wide))
-    return _enclosing(wide, tall, aspect)
+    return _enclosing(wide, tall, aspect, ahead / np.linalg.norm(ahead))
+
+
+def facing(normal: np.ndarray, ahead: np.ndarray) -> np.ndarray:
+    """The direction in which a camera looks to see a place with this outward normal: `ahead` if it does then;
+    shapes (3,), world frame."""
+    size = np.linalg.norm(AHEAD) * np.linalg.norm(normal)
+    if SEEN[0] <= -(ahead @ normal) / size <= SEEN[1]:
+        return ahead
+    turns = Rotation.from_rotvec(np.outer(np.arange(SIDES) * 2.0 * np.pi / SIDES, [0.0, 0.0, 1.0]))
+    sides = turns.apply(AHEAD)
+    return np.asarray(sides[np.argmin(np.abs(-(sides @ normal) / size - OBLIQUE))])
 
 
 def _reach(scene: Scene) -> list[np.ndarray]:
@@ -78,14 +98,13 @@ def _reach(scene: Scene) -> list[np.ndarray]:
     return [pan.apply(each) for pan in pans for each in (highest, widest)]
 
 
-def _enclosing(wide: np.ndarray, tall: np.ndarray, aspect: float) -> View:
+def _enclosing(wide: np.ndarray, tall: np.ndarray, aspect: float, ahead: np.ndarray) -> View:
     """The nearest camera that sees `wide` between the left and right edge, and `tall` between the upper and
-    lower one, shapes (N, 3) [m].
+    lower one, shapes (N, 3) [m], where it looks `ahead`, a unit vector.
 
     A place p is right of the left edge if r·(p - c) >= -t a·(p - c), with the camera's place c, its axes r to
     the right and a ahead, and the tangent t of half its field of view. The other edges are alike.
     """
-    ahead = AHEAD / np.linalg.norm(AHEAD)
     right = np.cross(ahead, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
     up = np.cross(right, ahead)
@@ -112,11 +131,9 @@ class Cameras:
     def __init__(self, page: viser.ViserServer, scene: Scene, landmarks: np.ndarray) -> None:
         """Aim the cameras of pages to come; scene and landmarks as for `first_view`."""
         self._page, self._scene, self._landmarks = page, scene, landmarks
-        camera = page.initial_camera
-        initial = self.view(USUAL_ASPECT)
-        self._initial = initial.position
-        camera.position, camera.look_at = map(tuple, initial)
-        camera.fov = FIELD_OF_VIEW
+        self._ahead = AHEAD
+        self._initial = self._aim_first()
+        page.initial_camera.fov = FIELD_OF_VIEW
         self._aspects: dict[int, float] = {}
         """Shape of the picture of each page."""
         self._views: dict[int, View] = {}
@@ -124,9 +141,25 @@ class Cameras:
         self._own: dict[int, list[np.ndarray]] = {}
         """Places at which the camera of each page was without its reader's doing."""
 
+    def _aim_first(self) -> np.ndarray:
+        """Aim the cameras of pages to come; returns their place."""
+        initial = self.view(USUAL_ASPECT)
+        camera = self._page.initial_camera
+        camera.position, camera.look_at = map(tuple, initial)
+        return initial.position
+
     def view(self, aspect: float) -> View:
-        """The view of a page at first, whose picture has this width over its height."""
-        return first_view(self._scene, self._landmarks, aspect)
+        """The view of a page that nobody has moved, whose picture has this width over its height."""
+        return first_view(self._scene, self._landmarks, aspect, self._ahead)
+
+    def face(self, normal: np.ndarray) -> None:
+        """Have the cameras see a place with this outward normal, world frame, shape (3,), after the next
+        update."""
+        ahead = facing(normal, self._ahead)
+        if not np.array_equal(ahead, self._ahead):
+            self._ahead = ahead
+            self._initial = self._aim_first()
+            self._views = {number: self.view(aspect) for number, aspect in self._aspects.items()}
 
     def update(self) -> None:
         """Aim those of which that is due."""

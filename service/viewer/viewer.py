@@ -27,6 +27,7 @@ from contactsense.service.viewer.latch_panel import LatchPanel
 from contactsense.service.viewer.page_style import STYLE
 from contactsense.service.viewer.view_panel import MountingPanel, ViewPanel
 from contactsense.service.viewer.words import in_words
+from contactsense.types import Estimate
 
 RATE = 30.0
 """Pictures per second."""
@@ -80,7 +81,7 @@ class Viewer:
             scene: The arm in its cell.
             acknowledge: As for `LatchPanel`.
         """
-        self._page = page
+        self._page, self._scene = page, scene
         self._note = page.gui.add_markdown("")
         self._words = page.gui.add_markdown("The surface of the arm is being prepared.")
         self._latches = LatchPanel(page.gui, acknowledge)
@@ -109,6 +110,12 @@ class Viewer:
         with self.controls:
             add(self._page.gui)
         self.controls.visible = True
+
+    def face(self, estimate: Estimate | None) -> None:
+        """Have the cameras that no reader has moved see the best contact: one that is looked at for long, as
+        they turn with it."""
+        if estimate is not None and estimate.contacts:
+            self.cameras.face(self._scene.orientation.apply(estimate.contacts[0].normal_base))
 
     def draw(
         self,

@@ -11,7 +11,7 @@ import viser
 from contactsense import Scene
 from contactsense.service.drawing.posture import usual_posture
 from contactsense.service.scene.summary import link_places
-from contactsense.service.viewer.camera import FIELD_OF_VIEW, Cameras, first_view
+from contactsense.service.viewer.camera import FIELD_OF_VIEW, USUAL_ASPECT, Cameras, first_view
 from tests.service.seven_joints import seven_joints
 
 ASPECTS = {"a phone": 0.5, "1280x800 beside the panel": 1.1, "1920x1080 beside the panel": 1.4, "wide": 3.0}
@@ -108,3 +108,31 @@ def test_a_page_that_reports_an_earlier_place_is_aimed_again() -> None:
     page_camera.position = np.array(page.initial_camera.position)
     cameras.update()
     np.testing.assert_array_equal(page_camera.position, cameras.view(1.0).position)
+
+
+@pytest.mark.parametrize(
+    "normal", [(0, 1, 0), (0.7, 0.7, 0.1), (-1, 0, -0.5), (0, 0, 1), (0, 0, -1), (0, -1, 0)]
+)
+def test_a_contact_that_is_looked_at_for_long_is_on_the_near_side(normal: tuple[float, ...]) -> None:
+    page_camera = SimpleNamespace(position=np.array([-5.0, 0.0, 0.0]), look_at=np.zeros(3), aspect=1.0)
+    page = SimpleNamespace(
+        initial_camera=SimpleNamespace(position=None, look_at=None, fov=None),
+        get_clients=lambda: {0: SimpleNamespace(camera=page_camera)},
+    )
+    cameras = Cameras(cast(viser.ViserServer, page), Scene(robot="ur5e"), GRAVITY)
+    cameras.update()
+    before = page_camera.position
+    cameras.face(np.array(normal, dtype=float))
+    cameras.update()
+    ahead = page_camera.look_at - page_camera.position
+    ahead /= np.linalg.norm(ahead)
+    if normal != (0, 0, -1):  # no camera looks upwards
+        cosine = -(ahead @ normal) / np.linalg.norm(normal)
+        assert 0.2 <= cosine <= 0.9  # its arrow is not seen from the end, either
+    # One that is seen already, as from above, turns nothing: a page that moves by itself confuses.
+    assert np.array_equal(page_camera.position, before) == (normal in ((0, 0, 1), (0, -1, 0), (0, 0, -1)))
+    assert np.allclose(page.initial_camera.position, cameras.view(USUAL_ASPECT).position)
+    page_camera.position = np.array([2.0, 0.0, 1.0])  # moved by its reader
+    cameras.face(-np.array(normal, dtype=float))
+    cameras.update()
+    np.testing.assert_array_equal(page_camera.position, [2.0, 0.0, 1.0])
