@@ -40,13 +40,13 @@ def check_contacts(script: Script, robot: Robot) -> None:
             where = "outside of it" if gap > 0.0 else "inside"
             raise ScriptError(
                 f"contacts[{index}].point: expected a point on the surface of {contact.link}, got one "
-                f"{1e3 * abs(gap):.1f} mm {where}; the nearest is {np.round(place, 4).tolist()}"
+                f"{1e3 * abs(gap):.1f} mm {where}; the nearest is {(np.round(place, 4) + 0.0).tolist()}"
             )
         if which >= 0 and contact.normal is not None:
             normal = np.array(contact.normal) / np.linalg.norm(contact.normal)
             if float(normal @ outward) < INWARD:
                 raise ScriptError(
                     f"contacts[{index}].normal: expected the outward normal of {contact.link}, here about "
-                    f"{np.round(outward, 2).tolist()}, got {list(contact.normal)}, which points inward; a "
-                    "pull is a force_link or force_base"
+                    f"{(np.round(outward, 2) + 0.0).tolist()}, got {list(contact.normal)}, which points "
+                    "inward; a pull is a force_link or force_base"
                 )

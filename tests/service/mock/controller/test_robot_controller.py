@@ -280,3 +280,6 @@ def test_a_normal_that_points_into_the_link_is_refused():
     robot(contacts=[contact | {"force_link": [0.0, 20.0, 0.0]}])  # a pull that is meant
     with pytest.raises(ScriptError, match=r"contacts\[0\]\.normal: expected the outward normal .* inward"):
         robot(contacts=[contact | {"normal": [0.0, -1.0, -0.1], "push": 20.0}])
+    flank = contact | {"link": "upper_arm", "point": [-0.2, 0.0, 0.0952], "normal": [0.0, 0.0, 1.0]}
+    with pytest.raises(ScriptError, match=r"upper_arm, here about \[0.0, 0.0, -1.0\], got"):
+        robot(contacts=[flank | {"push": 20.0}])
