@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from pydantic import ValidationError
 
 from contactsense.calibration.calibration_model import CalibrationModel
 from contactsense.calibration.contacts.contact_test import SuspectedContact, suspected_contacts
@@ -128,8 +129,17 @@ def calibrate(
     values = _values(start, arm, fitted, selected)
     warnings = _warnings(scene, recordings, fitted, selected, noise_levels, progress)
     changed = {str(entry.group) for i, entry in enumerate(selected) if fitted.free[i] or i in fitted.at_zero}
+    try:
+        calibrated = scene_of(arm, changed, noise_levels, wrenches)
+    except ValidationError as error:
+        first = error.errors()[0]
+        name = f"{error.title.lower()}.{first['loc'][0]}" if first["loc"] else error.title.lower()
+        raise CalibrationError(
+            f"{recordings[0].name}: expected motion of the scene's arm, got a fit with {name} "
+            f"{first['input']!r:.40}: `contactsense check` finds the wrong line or signal"
+        ) from None
     return Calibration(
-        scene=scene_of(arm, changed, noise_levels, wrenches),
+        scene=calibrated,
         values=tuple(v for v in values if v.entry.group != "links"),
         inertia=tuple(v for v in values if v.entry.group == "links"),
         warnings=warnings,

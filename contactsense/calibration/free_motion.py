@@ -8,6 +8,9 @@ import numpy as np
 
 from contactsense.sensors.validation import as_floats, checked_rows
 
+_LARGEST = 1e12
+"""Larger values are none of a signal in any unit, and their squares could not be summed."""
+
 
 @dataclass(frozen=True)
 class FreeMotion:
@@ -36,7 +39,8 @@ class FreeMotion:
         """Check shapes and values.
 
         Raises:
-            ValueError: an array has the wrong shape, is not finite, or time does not increase.
+            ValueError: an array has the wrong shape, is not finite or far too large, or time does not
+                increase.
         """
         q = as_floats(f"{self.name}: q", self.q)
         if q.ndim != 2 or len(q) < 3:
@@ -50,6 +54,10 @@ class FreeMotion:
                 if value is not None:
                     object.__setattr__(self, name, checked_rows(name, value, n, size, unit))
             links = {name: checked_rows(name, x, n, 6, "N") for name, x in self.link_readings.items()}
+            arrays = {name: getattr(self, name) for name in sizes} | links
+            for name, value in arrays.items():
+                if value is not None and (largest := np.abs(value).max()) > _LARGEST:
+                    raise ValueError(f"{name}: expected values up to {_LARGEST:g}, got {largest:.3g}")
         except ValueError as error:
             raise ValueError(f"{self.name}: {error}") from None
         object.__setattr__(self, "link_readings", links)

@@ -3,6 +3,8 @@
 from collections import Counter
 from collections.abc import Mapping
 
+import numpy as np
+
 from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.residuals.recording_residuals import GAP
 from contactsense.scene import Scene
@@ -55,12 +57,16 @@ def check_usable(
             f"{recordings[0].name}: expected joint torques or base wrenches as in the scene, got neither"
         )
     if there <= sensors_too_short(scene, recordings, parts):
-        seconds = max(
-            sum(part.seconds for part in recordings if field in sensors_in(scene, part)) for field in there
-        )
+        seconds = max(_longest(part) for part in recordings if there & sensors_in(scene, part))
         raise CheckError(
             f"{recordings[0].name}: expected at least 3 s without gaps above {GAP} s, got {seconds:.2g} s"
         )
+
+
+def _longest(part: FreeMotion) -> float:
+    """Length of the longest stretch without a gap [s]."""
+    ends = np.flatnonzero(np.append(np.diff(part.t) > GAP, True))
+    return float(np.max(part.t[ends] - part.t[np.append(0, ends[:-1] + 1)]))
 
 
 def sensors_too_short(scene: Scene, recordings: list[FreeMotion], parts: list[FreeMotion]) -> frozenset[str]:

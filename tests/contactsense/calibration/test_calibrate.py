@@ -1,5 +1,6 @@
 """Calibration finds what a simulated recording was made of, and says what it cannot find."""
 
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -204,8 +205,23 @@ def test_unusable_recordings_are_refused() -> None:
         calibrate(SEARCHED, [inner])
     with pytest.raises(ValueError, match="rough: torque: expected finite numbers, got nan"):
         FreeMotion(np.arange(500) * 0.01, q, q, np.full((500, 6), np.nan), name="rough")
+    with pytest.raises(ValueError, match=r"huge: reading: expected values up to 1e\+12, got 1e\+300"):
+        FreeMotion(np.arange(500) * 0.01, q, q, reading=np.full((500, 6), -1e300), name="huge")
     with pytest.raises(ValueError, match="twice: t: expected 500 increasing times"):
         FreeMotion(np.zeros(500), q, q, name="twice")
+
+
+def test_a_fit_that_no_arm_can_have_is_refused_by_its_field(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As that of velocities 1e10 times too large: it ended with the errors of a type in the scene."""
+
+    def impossible(*_: object) -> Scene:
+        return SEARCHED.model_copy(update={"joint_torque": Friction(error=(3e7,) * 6)})
+
+    monkeypatch.setattr(sys.modules["contactsense.calibration.calibrate"], "scene_of", impossible)
+    part = simulate(TRUTH, _motion(4.0), 3, 100.0)
+    settings = Settings(("bias", "coulomb", "viscous", "rotor"), widths=False, leave_out_contacts=False)
+    with pytest.raises(CalibrationError, match=r"recording 3: expected .* got a fit with friction\.error 3"):
+        calibrate(SEARCHED, [part], settings)
 
 
 @pytest.mark.parametrize("function", [calibrate, check])

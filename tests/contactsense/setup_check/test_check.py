@@ -337,6 +337,10 @@ def test_recordings_that_cannot_be_used_are_refused() -> None:
     apart = [replace(whole, torque=None), replace(whole, reading=None)]
     with pytest.raises(CheckError, match="at least 3 s"):
         check(case.scene, apart)
+    long = right_setup("ur5e", 9, replace(DRAWN, seconds=6.0)).recording
+    short_pieces = long.part(np.flatnonzero(np.arange(len(long.t)) % 100 < 51))
+    with pytest.raises(CheckError, match=r"at least 3 s without gaps above 0\.05 s, got 0\.4 s"):
+        check(case.scene, [short_pieces])
     bare = replace(whole, torque=None, reading=None)
     with pytest.raises(CheckError, match="expected joint torques or base wrenches"):
         check(case.scene, [bare])
