@@ -58,6 +58,7 @@ from contactsense.setup_check.usable_recordings import (
     AT_RANGE,
     FROZEN,
     TOO_SHORT,
+    check_joints,
     check_usable,
     sensors_too_short,
 )
@@ -87,6 +88,7 @@ def check(
     """
     check_scene(scene)
     check_recordings(recordings)
+    check_joints(scene, recordings)
     saturated = saturated_sensors(scene, recordings)
     recordings = [without(part, saturated) for part in recordings]
     still = frozen_joints(scene, recordings)

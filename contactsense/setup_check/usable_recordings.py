@@ -22,6 +22,16 @@ class CheckError(ValueError):
     """The recordings cannot be used for a check; the message gives the reason and a remedy."""
 
 
+def check_joints(scene: Scene, recordings: list[FreeMotion]) -> None:
+    """Refuse recordings of another arm: raise a CheckError that names the first that has other joints."""
+    joints = len(scene.robot.joints)
+    for part in recordings:
+        if part.q.shape[1] != joints:
+            raise CheckError(
+                f"{part.name}: expected {joints} joints, as {scene.robot.name} has, got {part.q.shape[1]}"
+            )
+
+
 def check_usable(
     scene: Scene, recordings: list[FreeMotion], parts: list[FreeMotion], unusable: Mapping[str, str]
 ) -> None:
@@ -34,17 +44,10 @@ def check_usable(
         unusable: Fields of those sensors, with `FROZEN` or `AT_RANGE`.
 
     Raises:
-        CheckError: There are none, they are those of another arm, have none of the scene's sensors, or are
-            too short.
+        CheckError: There are none, they have none of the scene's sensors, or are too short.
     """
     if not recordings:
         raise CheckError("expected at least one recording of contact-free motion, got none")
-    joints = len(scene.robot.joints)
-    for part in recordings:
-        if part.q.shape[1] != joints:
-            raise CheckError(
-                f"{part.name}: expected {joints} joints, as {scene.robot.name} has, got {part.q.shape[1]}"
-            )
     if unusable and not any(part.torque is not None or part.reading is not None for part in recordings):
         field, reason = next(iter(unusable.items()))
         problem = f"{field}: expected readings that change with the motion, got the same for a second or more"

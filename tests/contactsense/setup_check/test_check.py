@@ -345,8 +345,9 @@ def test_recordings_that_cannot_be_used_are_refused() -> None:
     with pytest.raises(CheckError, match="expected joint torques or base wrenches"):
         check(case.scene, [bare])
     short = FreeMotion(whole.t, whole.q[:, :5], whole.qd[:, :5])
-    with pytest.raises(CheckError, match="expected 6 joints"):
-        check(case.scene, [short])
+    for parts in ([short], [whole, short]):
+        with pytest.raises(CheckError, match="expected 6 joints, as ur5e has, got 5"):
+            check(case.scene, parts)
 
 
 @pytest.mark.parametrize(
