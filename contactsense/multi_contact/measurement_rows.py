@@ -129,9 +129,7 @@ def _fill_base_rows(
         for k in range(i, 6):
             y[i] += U[i, k] * wrench[k]
         for link in range(rows.seen.shape[0]):
-            rows.seen[link, i] = 1.0
-            twist = motion.twist[sensors.depth[link]]
-            _lagged_row(U[i], twist, motion.twist[0], lag, rows.transformed, rows.matrix[link, i])
+            _fill_row(sensors, motion, U[i], motion.twist[0], link, lag, i, rows)
     return 6
 
 
@@ -155,9 +153,7 @@ def _fill_torque_rows(
         y[m] = torque[j] * inverse_deviation
         for link in range(rows.seen.shape[0]):
             if sensors.depth[link] > j:
-                rows.seen[link, m] = 1.0
-                twist = motion.twist[sensors.depth[link]]
-                _lagged_row(row, twist, motion.twist[j], lag, rows.transformed, rows.matrix[link, m])
+                _fill_row(sensors, motion, row, motion.twist[j], link, lag, m, rows)
         m += 1
     return m
 
@@ -185,11 +181,27 @@ def _fill_link_sensor_rows(
             y[m] += row[k] * wrench[k]
         for link in range(rows.seen.shape[0]):
             if link >= sensors.first_link[s]:
-                rows.seen[link, m] = 1.0
-                twist = motion.twist[sensors.depth[link]]
-                _lagged_row(row, twist, motion.twist[0], lag, rows.transformed, rows.matrix[link, m])
+                _fill_row(sensors, motion, row, motion.twist[0], link, lag, m, rows)
         m += 1
     return m
+
+
+@fused_kernel
+def _fill_row(
+    sensors: SensorModel,
+    motion: Motion,
+    row: np.ndarray,
+    sensor_twist: np.ndarray,
+    link: int,
+    lag: float,
+    m: int,
+    rows: MeasurementRows,
+) -> None:
+    """Fill row m for contacts on a link, of a sensor that moves with `sensor_twist`; `row`: without the lag,
+    shape (6,). Other arguments as for `fill_measurement_rows`."""
+    rows.seen[link, m] = 1.0
+    twist = motion.twist[sensors.depth[link]]
+    _lagged_row(row, twist, sensor_twist, lag, rows.transformed, rows.matrix[link, m])
 
 
 @fused_kernel

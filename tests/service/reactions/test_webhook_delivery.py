@@ -1,16 +1,9 @@
 """Webhooks: signed, retried, waiting in the journal over a restart."""
 
 import asyncio
-import http.server
 import json
-import socket
-import threading
-import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -18,90 +11,20 @@ from contactsense.service.events.journal import Journal, JournalSettings
 from contactsense.service.reactions import webhook_delivery
 from contactsense.service.reactions.actions.webhook import WebhookAction, decode_secret, sign
 from contactsense.service.reactions.webhook_delivery import WebhookDelivery
-
-SECRET = "whsec_MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSw"
-DECISION = {"rule": "arm", "level": "collision", "kind": "begin", "link": "forearm", "force": 60.0, "t": 3.5}
+from tests.service.reactions.webhook_receivers import (
+    DECISION,
+    SECRET,
+    deliver,
+    hook,
+    receiver,
+    waiting,
+)
 
 
 @pytest.fixture(autouse=True)
 def _short_pauses(monkeypatch: pytest.MonkeyPatch) -> None:
     """Retries are soon due here; by default the outbox is looked at once a second."""
     monkeypatch.setattr(webhook_delivery, "_POLL", 0.01)
-
-
-class Receiver(http.server.ThreadingHTTPServer):
-    """Answers by `statuses` in turn, the last one for ever, and keeps what came."""
-
-    def __init__(self, *statuses: int) -> None:
-        super().__init__(("127.0.0.1", 0), _Handler)
-        self.statuses, self.heard = list(statuses), list[tuple[dict[str, str], bytes]]()
-
-
-class _Handler(http.server.BaseHTTPRequestHandler):
-    server: Receiver
-
-    def do_POST(self) -> None:
-        body = self.rfile.read(int(self.headers["Content-Length"]))
-        headers = {name.lower(): value for name, value in self.headers.items()}
-        status = self.server.statuses[0]
-        if len(self.server.statuses) > 1:
-            self.server.statuses.pop(0)
-        self.server.heard.append((headers, body))
-        self.send_response(status)
-        if status == 307:
-            self.send_header("Location", "/elsewhere")
-        self.end_headers()
-
-    def log_message(self, *_: object) -> None:
-        pass
-
-
-@contextmanager
-def receiver(*statuses: int) -> Iterator[Receiver]:
-    with Receiver(*statuses) as server:
-        thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01})
-        thread.start()
-        try:
-            yield server
-        finally:
-            server.shutdown()
-            thread.join()
-
-
-def hook(port: int) -> WebhookAction:
-    return WebhookAction(type="webhook", url=f"http://127.0.0.1:{port}/hook", secret=SECRET, timeout=5.0)
-
-
-def deliver(
-    journal: Journal, webhook: WebhookAction, enqueue: int, done: Callable[[WebhookDelivery, list[Any]], bool]
-) -> list[tuple[bool, str]]:
-    """Run a delivery until `done`; what it told."""
-    told: list[tuple[bool, str]] = []
-
-    def tell(_: str, ok: bool, reason: str, decision: Mapping[str, Any]) -> None:
-        assert decision == DECISION
-        told.append((ok, reason))
-
-    async def scenario() -> None:
-        delivery = WebhookDelivery(journal, {"hook": webhook}, tell, (0.0, 0.05, 0.05))
-        delivery.start()
-        for _ in range(enqueue):
-            delivery.enqueue("hook", DECISION)
-        async with asyncio.timeout(20):
-            while not done(delivery, told):
-                await asyncio.sleep(0.01)
-        assert not delivery.error
-        await delivery.stop()
-
-    asyncio.run(scenario())
-    return told
-
-
-def waiting(journal: Journal) -> int:
-    """Number of deliveries in the outbox."""
-    with journal.lock:
-        (number,) = journal.database.execute("SELECT count(*) FROM deliveries").fetchone()
-    return int(number)
 
 
 def test_a_delivery_is_signed_and_has_the_time() -> None:
@@ -316,102 +239,3 @@ def test_other_webhooks_take_the_place_of_those_before() -> None:
         assert sorted(told) == [("hook", True), ("new", True)]
         assert (len(first.heard), len(second.heard)) == (0, 2)
         assert waiting(journal) == 1
-
-
-@contextmanager
-def raw_receiver(answer: bytes) -> Iterator[int]:
-    """Sends `answer` to whoever connects, then nothing more until the end; yields its port."""
-    with socket.create_server(("127.0.0.1", 0)) as server, ExitStack() as peers:
-
-        def serve() -> None:
-            with suppress(OSError):
-                while True:
-                    peer = peers.enter_context(server.accept()[0])
-                    peer.recv(65536)
-                    peer.sendall(answer)
-
-        thread = threading.Thread(target=serve)
-        thread.start()
-        try:
-            yield server.getsockname()[1]
-        finally:
-            server.shutdown(socket.SHUT_RDWR)
-            thread.join()
-
-
-def test_a_receiver_that_does_not_answer_keeps_nobody_from_ending(tmp_path: Path) -> None:
-    """The service ends at once, and the delivery goes on at its next start."""
-    journal = Journal(JournalSettings(path=tmp_path / "events.db"))
-    with raw_receiver(b"HTTP/1.1 200") as port:
-        begin = time.monotonic()
-        told = deliver(journal, hook(port), 1, lambda *_: time.monotonic() - begin > 0.3)
-        pending = [thread for thread in threading.enumerate() if thread.name == "webhook hook"]
-    assert (told, waiting(journal)) == ([], 1)
-    assert pending, "the end waited for the attempt"
-    assert all(thread.daemon for thread in pending)
-    for thread in pending:
-        thread.join()
-    journal.close()
-
-
-def test_an_answer_after_the_end_of_the_deliveries_is_none_of_theirs() -> None:
-    """An error would be logged, with a traceback."""
-    wrong: list[dict[str, Any]] = []
-    with socket.create_server(("127.0.0.1", 0)) as server, Journal() as journal:
-
-        async def scenario() -> None:
-            asyncio.get_running_loop().set_exception_handler(lambda _, context: wrong.append(context))
-            webhooks = {"hook": hook(server.getsockname()[1])}
-            delivery = WebhookDelivery(journal, webhooks, lambda *_: None, (0.0,))
-            delivery.enqueue("hook", DECISION)
-            delivery.start()
-            peer, _ = await asyncio.to_thread(server.accept)
-            with peer:
-                await delivery.stop()
-                peer.sendall(b"HTTP/1.1 200 OK\r\n\r\n")
-                for thread in threading.enumerate():
-                    if thread.name == "webhook hook":
-                        await asyncio.to_thread(thread.join)
-            await asyncio.sleep(0.0)
-
-        asyncio.run(scenario())
-        assert not wrong
-        assert waiting(journal) == 1
-
-
-def test_an_attempt_takes_no_longer_than_its_time_limit() -> None:
-    with raw_receiver(b"HTTP/1.1 200") as port, Journal() as journal:
-        webhook = hook(port).model_copy(update={"timeout": 0.2})
-        ((ok, why),) = deliver(journal, webhook, 1, lambda d, t: len(t) == 1)
-    assert not ok
-    assert "no answer within 0.2 s" in why
-
-
-def test_a_resolver_that_hangs_holds_up_no_longer_and_nothing_is_posted_later(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Who was told that an attempt failed does not expect it to arrive after all."""
-    answers, look_up = threading.Event(), socket.getaddrinfo
-
-    def hang(host: str, *args: Any) -> Any:
-        assert answers.wait(60.0)
-        return look_up("127.0.0.1", *args)
-
-    monkeypatch.setattr(socket, "getaddrinfo", hang)
-    with receiver(204) as server, Journal() as journal:
-        webhook = hook(server.server_port).model_copy(update={"timeout": 0.2})
-        ((ok, why),) = deliver(journal, webhook, 1, lambda d, told: len(told) == 1)
-        (late,) = [thread for thread in threading.enumerate() if thread.name == "webhook hook"]
-        answers.set()
-        late.join(20.0)
-        assert server.heard == []
-    assert not ok
-    assert why.startswith(f"{webhook.url}: no answer within 0.2 s")
-
-
-def test_an_answer_of_others_is_told_in_one_line() -> None:
-    """It is written to the log and to terminals."""
-    with raw_receiver(b"SSH-2.0 \x1b[31m\xff\r\n") as port:
-        (first, *_) = deliver(Journal(), hook(port), 1, lambda _, told: len(told) > 0)
-    assert first[1].startswith(f"http://127.0.0.1:{port}/hook: expected HTTP, got SSH-2.0 ?[31m")
-    assert first[1].isprintable()

@@ -12,7 +12,7 @@ from contactsense.service.events.journal import Journal, JournalSettings
 from contactsense.service.reactions import webhook_delivery
 from contactsense.service.reactions.actions.webhook import WebhookAction
 from contactsense.service.reactions.webhook_delivery import WebhookDelivery
-from tests.service.reactions.test_webhook_delivery import DECISION, SECRET, hook, receiver, waiting
+from tests.service.reactions.webhook_receivers import DECISION, SECRET, hook, receiver, waiting
 
 HOUR = 3600.0
 SetClock = Callable[[float], None]

@@ -78,16 +78,22 @@ def test_the_arm_is_not_smaller_than_it_must_be() -> None:
         assert max(np.abs(columns).max(), rows.max(), upper.max()) > 0.85
 
 
-def test_a_page_that_hears_late_of_its_first_camera_is_aimed_for_its_shape() -> None:
-    """Its camera is at a place of its own first, and at that of all pages only when the panel has taken its
-    part of the window."""
-    page_camera = SimpleNamespace(position=np.array([-5.0, 0.0, 0.0]), look_at=np.zeros(3), aspect=1.8)
+def open_page(aspect: float) -> tuple[SimpleNamespace, SimpleNamespace, Cameras]:
+    """A page whose picture has this width over its height, its camera, and what aims it."""
+    camera = SimpleNamespace(position=np.array([-5.0, 0.0, 0.0]), look_at=np.zeros(3), aspect=aspect)
     page = SimpleNamespace(
         initial_camera=SimpleNamespace(position=None, look_at=None, fov=None),
-        get_clients=lambda: {0: SimpleNamespace(camera=page_camera)},
+        get_clients=lambda: {0: SimpleNamespace(camera=camera)},
     )
     cameras = Cameras(cast(viser.ViserServer, page), Scene(robot="ur5e"), GRAVITY)
     cameras.update()
+    return page, camera, cameras
+
+
+def test_a_page_that_hears_late_of_its_first_camera_is_aimed_for_its_shape() -> None:
+    """Its camera is at a place of its own first, and at that of all pages only when the panel has taken its
+    part of the window."""
+    page, page_camera, cameras = open_page(1.8)
     page_camera.position, page_camera.aspect = np.array(page.initial_camera.position), 1.0
     cameras.update()
     np.testing.assert_array_equal(page_camera.position, cameras.view(1.0).position)
@@ -98,13 +104,7 @@ def test_a_page_that_hears_late_of_its_first_camera_is_aimed_for_its_shape() -> 
 
 def test_a_page_that_reports_an_earlier_place_is_aimed_again() -> None:
     """Its shape has not changed since."""
-    page_camera = SimpleNamespace(position=np.array([-5.0, 0.0, 0.0]), look_at=np.zeros(3), aspect=1.0)
-    page = SimpleNamespace(
-        initial_camera=SimpleNamespace(position=None, look_at=None, fov=None),
-        get_clients=lambda: {0: SimpleNamespace(camera=page_camera)},
-    )
-    cameras = Cameras(cast(viser.ViserServer, page), Scene(robot="ur5e"), GRAVITY)
-    cameras.update()
+    page, page_camera, cameras = open_page(1.0)
     page_camera.position = np.array(page.initial_camera.position)
     cameras.update()
     np.testing.assert_array_equal(page_camera.position, cameras.view(1.0).position)
@@ -114,13 +114,7 @@ def test_a_page_that_reports_an_earlier_place_is_aimed_again() -> None:
     "normal", [(0, 1, 0), (0.7, 0.7, 0.1), (-1, 0, -0.5), (0, 0, 1), (0, 0, -1), (0, -1, 0)]
 )
 def test_a_contact_that_is_looked_at_for_long_is_on_the_near_side(normal: tuple[float, ...]) -> None:
-    page_camera = SimpleNamespace(position=np.array([-5.0, 0.0, 0.0]), look_at=np.zeros(3), aspect=1.0)
-    page = SimpleNamespace(
-        initial_camera=SimpleNamespace(position=None, look_at=None, fov=None),
-        get_clients=lambda: {0: SimpleNamespace(camera=page_camera)},
-    )
-    cameras = Cameras(cast(viser.ViserServer, page), Scene(robot="ur5e"), GRAVITY)
-    cameras.update()
+    page, page_camera, cameras = open_page(1.0)
     before = page_camera.position
     cameras.face(np.array(normal, dtype=float))
     cameras.update()
