@@ -56,6 +56,8 @@ def apply_correction(
         )  # fmt: skip
     for body in range(n + 1):
         _correct_base(bias_filter, motion, body, K, observers.base)
+    if bias_filter.status[0].estimates_masses:
+        _scale_mass_regressor(bias_filter)
     bias_filter.correction[:] = 0.0
 
 
@@ -166,6 +168,19 @@ def _correct_base(
             d_angular += R[k, i] * (d_momentum[3 + k] - o[a] * d_momentum[b] + o[b] * d_momentum[a])
         _shift_observer(observer, 6 * body + i, d_force, d_linear, K)
         _shift_observer(observer, 6 * body + 3 + i, d_moment, d_angular, K)
+
+
+@kernel
+def _scale_mass_regressor(bias_filter: BiasFilter) -> None:
+    """Shift the observers of the regressor to the corrected masses, which its columns are proportional to."""
+    n, observer = bias_filter.torque_variance.shape[0], bias_filter.mass_regressor
+    for k in range(n):
+        factor = 1.0 + bias_filter.correction[masses(n) + k]
+        for i in range(regressor_of(n, k), regressor_of(n, k + 1)):
+            observer.residual[i] *= factor
+            observer.momentum[i] *= factor
+            for m in range(3):
+                observer.integrand[m, i] *= factor
 
 
 @kernel

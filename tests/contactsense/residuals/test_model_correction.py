@@ -107,6 +107,25 @@ def test_the_residuals_are_those_of_the_corrected_model(part: slice, speed: floa
 
 
 @pytest.mark.slow
+def test_what_an_error_of_a_mass_does_is_that_of_the_corrected_mass() -> None:
+    """In motion: a link's momentum jumps with its mass, but what it adds to the residuals must not."""
+    correction = np.zeros(6 + 3 * N)
+    correction[18:] = 0.3, -0.2, 0.1, 0.4, -0.3, 0.2
+    corrected, known = Arm(1.0), Arm(1.0)
+    corrected.step(800)
+    corrected.correct(correction)
+    known.model.mass[1:] *= 1.0 + correction[18:]
+    known.model.inertia[1:] *= (1.0 + correction[18:])[:, None, None]
+    known.step(800)
+    for _ in range(5):
+        expected = known.filter.mass_regressor.residual
+        assert np.abs(expected).max() > 10.0
+        np.testing.assert_allclose(corrected.filter.mass_regressor.residual, expected, atol=1e-9)
+        corrected.step(1)
+        known.step(1)
+
+
+@pytest.mark.slow
 def test_no_mass_and_no_friction_falls_below_half_at_once() -> None:
     arm = Arm(1.0)
     mass = arm.model.mass.copy()
