@@ -14,12 +14,15 @@ def dot6(a: np.ndarray | Six, b: np.ndarray | Six) -> float:
 
 
 @kernel
+def product6(C: np.ndarray, a: np.ndarray | Six) -> Six:
+    """C a, with C of shape (6, 6): the covariance of a wrench w of covariance C with a . w."""
+    return dot6(C[0], a), dot6(C[1], a), dot6(C[2], a), dot6(C[3], a), dot6(C[4], a), dot6(C[5], a)
+
+
+@kernel
 def quadratic_form(C: np.ndarray, a: np.ndarray | Six) -> float:
     """a . C a, with C of shape (6, 6): the variance of a . w for a wrench w of covariance C."""
-    total = 0.0
-    for i in range(6):
-        total += a[i] * dot6(C[i], a)
-    return total
+    return float(dot6(a, product6(C, a)))
 
 
 @kernel

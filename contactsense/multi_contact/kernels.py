@@ -72,7 +72,7 @@ def explain_contact_sets(
     place_primitives(constants.surfaces, depth, state.motion, state.frames)
     transform_samples(constants.samples, depth, state.motion, seed_samples, buffers.seeding)
     variances = Variances(
-        state.base_information, scale, state.torque_variance, state.link_variance, state.link_origin
+        state.base_information, scale, state.torque_variance, state.link_row, state.link_variance
     )
     measurement = Measurement(
         buffers.rows,

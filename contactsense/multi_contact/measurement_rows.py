@@ -14,7 +14,7 @@ import numpy as np
 
 from contactsense.isolation.link_hypotheses import SensorModel
 from contactsense.kinematics.model import Motion
-from contactsense.kinematics.spatial import component_about
+from contactsense.kinematics.spatial import dot6
 from contactsense.multi_contact.memory.buffers import Measurement, MeasurementRows
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import fused_kernel
@@ -29,10 +29,11 @@ class Variances(NamedTuple):
     base_factor: float
     torque: np.ndarray
     """Variance of each torque, shape (n,) [Nm^2]."""
+    link_row: np.ndarray
+    """Combinations of the components of the link sensors' wrenches whose errors are uncorrelated, base axes,
+    about the base origin, shape (S, 6, 6)."""
     link: np.ndarray
-    """Variance of each component of the link sensors' wrenches about their origins, shape (S, 6)."""
-    link_origin: np.ndarray
-    """Those origins, base frame, shape (S, 3) [m]."""
+    """Their variances, shape (S, 6)."""
 
 
 @fused_kernel
@@ -97,7 +98,7 @@ def fill_measurement_rows(
         m = _fill_base_rows(sensors, motion, parts[0], variances, lag, rows)
     if present[1]:
         m = _fill_torque_rows(sensors, motion, parts[1], variances.torque, lag, m, rows)
-    for s in range(variances.link_origin.shape[0]):
+    for s in range(variances.link.shape[0]):
         if present[2] >> s & 1:
             m = _fill_link_sensor_rows(sensors, motion, s, parts[2][s], variances, lag, m, rows)
     return m
@@ -173,12 +174,10 @@ def _fill_link_sensor_rows(
     `fill_measurement_rows`."""
     y, row = rows.value, rows.row
     for i in range(6):
-        component = component_about(variances.link_origin[s], i)
         inverse_deviation = 1.0 / math.sqrt(variances.link[s, i])
-        y[m] = 0.0
         for k in range(6):
-            row[k] = component[k] * inverse_deviation
-            y[m] += row[k] * wrench[k]
+            row[k] = variances.link_row[s, i, k] * inverse_deviation
+        y[m] = dot6(row, wrench)
         for link in range(rows.seen.shape[0]):
             if link >= sensors.first_link[s]:
                 _fill_row(sensors, motion, row, motion.twist[0], link, lag, m, rows)

@@ -19,7 +19,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from contactsense.kinematics.model import Motion
-from contactsense.kinematics.spatial import Six, dot6
+from contactsense.kinematics.spatial import dot6
 from contactsense.residuals.joint_friction import JointTorqueModel
 from contactsense.residuals.momentum_observer import MomentumObserver, advance, start_step
 from contactsense.robots.jit.declaration import Floats, Records, Sized, record
@@ -259,24 +259,25 @@ def _add_mass_covariance(bias_filter: BiasFilter, n: int) -> None:
 
 
 @kernel
-def mass_variance(bias_filter: BiasFilter, first_body: int, row: Six) -> float:
-    """Variance that the masses add to one component of the wrench on a link sensor.
+def mass_covariance(bias_filter: BiasFilter, first_body: int, covariance: np.ndarray) -> None:
+    """Covariance that the masses add to the wrench on a link sensor.
 
     Args:
         bias_filter: After `predict` for this sample.
         first_body: First link that the sensor carries.
-        row: The component is `row` . wrench, base axes, base origin.
+        covariance: Filled, base axes, about the base origin, shape (6, 6) [N^2, N Nm, Nm^2].
     """
     n = bias_filter.torque_variance.shape[0]
     P, r, first = bias_filter.covariance, bias_filter.mass_regressor.residual, masses(n)
-    variance = 0.0
+    covariance[:] = 0.0
     for k in range(first_body - 1, n):
-        one = dot6(row, r[regressor_of(n, k) + n : regressor_of(n, k + 1)])
-        for i in range(first_body - 1, n):
-            variance += (
-                one * P[first + k, first + i] * dot6(row, r[regressor_of(n, i) + n : regressor_of(n, i + 1)])
-            )
-    return float(variance)
+        one = regressor_of(n, k) + n
+        for b in range(6):
+            with_mass = 0.0
+            for i in range(first_body - 1, n):
+                with_mass += P[first + k, first + i] * r[regressor_of(n, i) + n + b]
+            for a in range(6):
+                covariance[a, b] += r[one + a] * with_mass
 
 
 @inlined_kernel

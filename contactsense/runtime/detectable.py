@@ -76,8 +76,8 @@ class DetectableForce:
             degrees = degrees_of_freedom_of(self._constants.model.joints, usable)
             length = detected_length(self._thresholds.threshold(usable), degrees)
             sensors = self._constants.sensors
-            variances = sensors.link_variance[:, 0]
-            self._measured[usable] = self._force(usable, length, sensors.base_covariance[:3, :3], variances)
+            links = sensors.link_variance[:, 0, None, None] * np.eye(3)
+            self._measured[usable] = self._force(usable, length, sensors.base_covariance[:3, :3], links)
         return self._measured[usable]
 
     def _update(self) -> float:
@@ -91,20 +91,19 @@ class DetectableForce:
         ratio = float(self._variance_ratio[0])
         covariance = ratio * state.base_noise[:3, :3] + state.bias_filter.base_covariance[:3, :3]
         error = state.link_velocity_error
-        model = np.diagonal(error.noise + error.instants, axis1=1, axis2=2) + state.link_mass_variance
-        # A link sensor's energy is a sum over its components: the least precise of the force counts.
-        variances = ratio * self._constants.sensors.link_variance[:, 0] + model[:, :3].max(axis=1)
-        self.value = self._force(usable, self._lengths[key], covariance, variances)
+        model = (error.noise + error.instants + state.link_mass_covariance)[:, :3, :3]
+        links = ratio * self._constants.sensors.link_variance[:, 0, None, None] * np.eye(3) + model
+        self.value = self._force(usable, self._lengths[key], covariance, links)
         return self.value
 
     def _force(
-        self, usable: Usable, length: float, base_covariance: np.ndarray, link_variances: np.ndarray
+        self, usable: Usable, length: float, base_covariance: np.ndarray, link_covariances: np.ndarray
     ) -> float:
         if usable[0]:
             return detectable_force(length, base_covariance)
-        seeing = [
-            float(variance)
-            for s, variance in enumerate(link_variances)
+        seeing = (
+            detectable_force(length, covariance)
+            for s, covariance in enumerate(link_covariances)
             if usable[2] >> s & 1 and self._seeing[s]
-        ]
-        return length * math.sqrt(min(seeing)) if seeing else math.inf
+        )
+        return min(seeing, default=math.inf)

@@ -5,8 +5,9 @@ import math
 
 import numpy as np
 
+from contactsense.kinematics.decorrelation import decorrelate
 from contactsense.kinematics.linalg.ldl import half_squared_norm, invert_spd
-from contactsense.kinematics.spatial import component_about, dot6, quadratic_form
+from contactsense.kinematics.spatial import component_about, dot6
 from contactsense.residuals.bias_filter import update, update_is_due
 from contactsense.residuals.friction_at_rest import TorqueVariance, energy_beyond_static_friction
 from contactsense.residuals.model_correction import apply_correction
@@ -71,8 +72,7 @@ def _energy_of(
     for s in range(link_wrench.shape[0]):
         if link_sensors >> s & 1:
             for i in range(6):
-                component = dot6(component_about(state.link_origin[s], i), link_wrench[s])
-                energy += 0.5 * component**2 / state.link_variance[s, i]
+                energy += 0.5 * dot6(state.link_row[s, i], link_wrench[s]) ** 2 / state.link_variance[s, i]
     return energy
 
 
@@ -130,13 +130,14 @@ def _fill_covariances(constants: Constants, state: State, variance_ratio: float)
     share = variance_ratio / residual_ratio
     noise_share = noise_share_in_average(min(share, 1.0), constants.bandwidth)
     for s in range(state.link_variance.shape[0]):
-        error = of_link_sensor(state.link_velocity_error, s)
+        error, model = of_link_sensor(state.link_velocity_error, s), state.link_model_covariance[s]
         for i in range(6):
-            row = component_about(state.link_origin[s], i)
-            noise = sensors.link_variance[s, i // 3] * variance_ratio
-            noise += noise_share * quadratic_form(error.noise, row)
-            instants = share * quadratic_form(error.instants, row)
-            state.link_variance[s, i] = noise + state.link_mass_variance[s, i] + instants
+            for k in range(6):
+                velocities = noise_share * error.noise[i, k] + share * error.instants[i, k]
+                model[i, k] = state.link_mass_covariance[s, i, k] + velocities
+        of_force, of_moment = sensors.link_variance[s, 0], sensors.link_variance[s, 1]
+        noise_variance = (of_force * variance_ratio, of_moment * variance_ratio)
+        decorrelate(state.link_origin[s], noise_variance, model, state.link_row[s], state.link_variance[s])
     inverse_ratio, inverse_residual_ratio = 1.0 / variance_ratio, 1.0 / residual_ratio
     noise_scale, error = state.noise_scale.noise[BASE].scale, state.base_velocity_error
     for i in range(6):

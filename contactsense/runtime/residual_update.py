@@ -2,8 +2,8 @@
 
 from contactsense.kinematics.composite_inertia import unit_momenta, unit_momenta_of_arm
 from contactsense.kinematics.momenta import body_momentum_and_weight, kinematics_and_momenta
-from contactsense.kinematics.spatial import component_about, dot6
-from contactsense.residuals.bias_filter import mass_variance, predict
+from contactsense.kinematics.spatial import dot6
+from contactsense.residuals.bias_filter import mass_covariance, predict
 from contactsense.residuals.equations_of_motion import (
     advance_base,
     advance_torques,
@@ -64,14 +64,12 @@ def observe_link_sensors(constants: Constants, state: State) -> None:
 
 @inlined_kernel
 def predict_link_sensors(constants: Constants, state: State) -> None:
-    """Variance of the link sensors' residuals due to the masses, after the prediction of the bias filter for
-    this sample."""
+    """Covariance of the link sensors' residuals due to the masses, after the prediction of the bias filter
+    for this sample."""
     if state.bias_filter.status[0].estimates_masses:
         for s in range(state.link_load.shape[0]):
             first = constants.link_sensors.first_body[s]
-            for i in range(6):
-                row = component_about(state.link_origin[s], i)
-                state.link_mass_variance[s, i] = mass_variance(state.bias_filter, first, row)
+            mass_covariance(state.bias_filter, first, state.link_mass_covariance[s])
 
 
 @inlined_kernel

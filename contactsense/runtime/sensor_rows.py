@@ -1,6 +1,6 @@
 """What the sensors give to the link hypotheses: rows of screw, value, variance and first link."""
 
-from contactsense.kinematics.spatial import component_about, dot6
+from contactsense.kinematics.spatial import dot6
 from contactsense.robots.jit.kernel import inlined_kernel
 from contactsense.runtime.state import State
 from contactsense.scene_model.constants import Constants
@@ -10,8 +10,8 @@ from contactsense.scene_model.constants import Constants
 def fill_rows(constants: Constants, state: State, has_torque: bool, link_sensors: int) -> int:
     """Fill `State.rows` from the residuals, after `update_covariances`; returns their number.
 
-    A joint torque measures contacts on the links beyond the joint. A link sensor measures force, and moment
-    about its own origin, where its noise is isotropic.
+    A joint torque measures contacts on the links beyond the joint. Of a link sensor the rows are combinations
+    of force and moment whose errors are uncorrelated.
 
     Args:
         constants, state: With poses and residuals.
@@ -32,7 +32,7 @@ def fill_rows(constants: Constants, state: State, has_torque: bool, link_sensors
         if not link_sensors >> s & 1:
             continue
         for i in range(6):
-            row = component_about(state.link_origin[s], i)
+            row = state.link_row[s, i]
             for k in range(6):
                 rows.screw[count, k] = row[k]
             rows.value[count] = dot6(row, state.link_wrench[s])

@@ -105,10 +105,14 @@ class State(NamedTuple):
     """That of `torque`: the same, or the one at rest for a single measurement [Nm]."""
     torque_variance: Annotated[Floats, "joints"]
     """Variance of `torque` from noise and model [Nm^2]."""
+    link_row: Annotated[Floats, "link_sensors, 6, 6"]
+    """Combinations of the components of each `link_wrench` whose errors, from noise and model, are
+    uncorrelated, see `contactsense.kinematics.decorrelation`."""
     link_variance: Annotated[Floats, "link_sensors, 6"]
-    """Variance of each component of `link_wrench` about the sensor's origin, base axes, from noise and model
-    [N^2, Nm^2]."""
-    link_mass_variance: Annotated[Floats, "link_sensors, 6"]
+    """Their variances [N^2, Nm^2]."""
+    link_model_covariance: Annotated[Floats, "link_sensors, 6, 6"]
+    """Scratch: covariance of `link_wrench` from the model alone, base axes, base origin [N^2, N Nm, Nm^2]."""
+    link_mass_covariance: Annotated[Floats, "link_sensors, 6, 6"]
     """The part of it that is due to the masses that `bias_filter` estimates."""
     rows: Annotated[SensorRows, Sized(rows="joints + 6 * link_sensors")]
     """What joint torques and link sensors give to the link hypotheses."""

@@ -57,7 +57,7 @@ def take_static_residuals(
         state.base_wrench[i] = base_wrench[i] - (0.0 if external else motion.gravity[0, i])
     state.bias_filter.base_covariance[:] = 0.0
     state.bias_filter.torque_variance[:] = 0.0
-    state.link_mass_variance[:] = 0.0
+    state.link_mass_covariance[:] = 0.0
     state.timing_error.variance[:] = 0.0
     state.base_velocity_error.noise[:] = 0.0
     state.base_velocity_error.instants[:] = 0.0

@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import ncx2 as chi_square
 
-from contactsense import Localizer, Sample, SampleBlock, Scene, SceneError, WrenchSensor
+from contactsense import JointTorqueSensor, Localizer, Sample, SampleBlock, Scene, SceneError, WrenchSensor
 from contactsense.robots import Inertia, Link
 from contactsense.robots.tool import Tool
 from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
@@ -127,6 +128,28 @@ def test_errors_of_the_masses_are_no_contact() -> None:
     # Taken for exact, the same masses are an external force.
     found = list(Localizer(ALL).run(samples[:500]))
     assert {estimate.status for estimate in found[100:]} == {"ambiguous"}
+
+
+def test_errors_of_the_masses_show_no_more_than_themselves() -> None:
+    """A link's mass is one unknown. Its error adds to all six components of a wrench, but explains them all:
+    together they have no more energy than half its square in standard deviations."""
+    told, heavier = 0.1, np.array([0.0, 0.0, 0.2, 0.2, 0.2, 0.2, 0.2])
+    links = tuple(
+        Link(x.name, Inertia(f * x.inertia.mass, x.inertia.com, f * x.inertia.tensor), x.primitives)
+        for f, x in zip(1.0 + heavier, ARM.links, strict=True)
+    )
+    sensor = SENSOR.model_copy(update={"force_noise": 0.01, "moment_noise": 0.001})
+    nothing = JointTorqueSensor(noise=1e3)  # from which the masses are not learnt
+    scene = Scene(
+        robot=ARM, base_wrench=None, joint_torque=nothing, link_wrenches=(sensor,), inertia_error=told
+    )
+    localizer, energies = Localizer(scene), []
+    for sample in stream(scene, 1.0, robot=replace(ARM, links=links)):
+        localizer.step(sample)
+        energies.append(float(localizer._buffers.state.no_contact_energy[0]))
+    of_masses = 0.5 * np.sum((heavier[FOREARM:] / told) ** 2)
+    assert np.median(energies[100:]) > 0.2 * of_masses
+    assert max(energies[100:]) < 0.5 * chi_square(6, 2.0 * of_masses).isf(1e-4)
 
 
 def test_the_sensor_tells_the_links_apart(truth: Truth) -> None:

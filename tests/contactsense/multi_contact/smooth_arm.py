@@ -95,7 +95,7 @@ def take(case: Case, trial: Trial, shift: float, seed: int) -> int:
             case.constants.sensors, state.motion, external,
             Variances(
                 case.constants.sensors.base_information, 1.0, case.constants.sensors.torque_variance,
-                state.link_variance, state.link_origin,
+                state.link_row, state.link_variance,
             ),
             (True, True, 0), 0.0, case.buffers.rows,
         )

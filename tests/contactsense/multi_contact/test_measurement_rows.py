@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from contactsense import Localizer, Scene, WrenchSensor
+from contactsense.kinematics.decorrelation import decorrelate
 from contactsense.kinematics.momenta import kinematics_and_momenta
 from contactsense.multi_contact.measurement_rows import Variances, fill_measurement_rows, rank_of
 from contactsense.multi_contact.memory.buffers import (
@@ -54,7 +55,7 @@ def _fill(case: Case, *sensors: bool, lag: float = 0.0) -> int:
             constants.sensors, state.motion, external,
             Variances(
                 constants.sensors.base_information, 1.0, constants.sensors.torque_variance,
-                state.link_variance, state.link_origin,
+                state.link_row, state.link_variance,
             ),
             (base, torque, int(link)), lag, case.buffers.rows,
         )
@@ -147,8 +148,9 @@ def test_rows_of_a_moving_arm_include_the_lag_of_the_observers(case: Case, link:
     external = (base, torque, beyond[None])
     constants, state, rows = case.constants, case.state, case.buffers.rows
     sensors, origin = constants.sensors, motion.origin[6] + motion.rotation[6] @ [0, 0, 0.1]
-    link_variance = np.repeat(sensors.link_variance, 3, axis=1)
-    noise = Variances(sensors.base_information, 1.0, sensors.torque_variance, link_variance, origin[None])
+    row, link_variance = np.zeros((1, 6, 6)), np.zeros((1, 6))
+    decorrelate(origin, tuple(sensors.link_variance[0]), np.zeros((6, 6)), row[0], link_variance[0])
+    noise = Variances(sensors.base_information, 1.0, sensors.torque_variance, row, link_variance)
     residual = []
     for delay in (lag, 0.0):
         m = fill_measurement_rows(sensors, state.motion, external, noise, (True, True, 1), delay, rows)

@@ -12,6 +12,7 @@ from contactsense.runtime.state import empty_state
 from contactsense.runtime.stream_restart import restart_state
 from contactsense.scene_model.constants import build_constants
 from tests.contactsense.link_sensors.truth import ARM, BASE, SENSOR, TORQUE
+from tests.kinematics.test_decorrelation import decorrelated
 
 SCENE = Scene(robot=ARM, base_wrench=BASE, joint_torque=TORQUE, link_wrenches=(SENSOR,))
 NEWEST = 0.06
@@ -37,9 +38,10 @@ def buffers() -> KernelBuffers:
     state = found.state
     of_links = state.link_velocity_error
     state.stream.clock[0].variance_ratio, state.noise_scale.noise[0].scale = NEWEST, 1.5
-    state.link_mass_variance[:], state.link_origin[:] = 0.02, (0.3, -0.2, 0.5)
+    state.link_origin[:] = 0.3, -0.2, 0.5
     of_base, biases = state.base_velocity_error, state.bias_filter.base_covariance
-    places = (biases, of_base.noise, of_base.instants, of_links.noise[0], of_links.instants[0])
+    masses = state.link_mass_covariance[0]
+    places = (biases, masses, of_base.noise, of_base.instants, of_links.noise[0], of_links.instants[0])
     for place in places:
         root = chance.standard_normal((6, 6))
         place[:] = root @ root.T
@@ -62,13 +64,12 @@ def test_they_are_those_of_the_average(buffers: KernelBuffers, ratio: float) -> 
     # That of which `tracking` makes averages.
     whole = sensor + (error.noise + error.instants) / NEWEST
     np.testing.assert_allclose(state.base_noise, whole, rtol=1e-9)
-    x, y, z = state.link_origin[0]
-    move = np.eye(6)
-    move[3:, :3] = -np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     links = state.link_velocity_error
-    moved = move @ (of_noise * links.noise[0] + share * links.instants[0]) @ move.T
-    expected = np.repeat(constants.sensors.link_variance[0], 3) * ratio + 0.02 + np.diag(moved)
-    np.testing.assert_allclose(state.link_variance[0], expected, rtol=1e-9)
+    model = of_noise * links.noise[0] + share * links.instants[0] + state.link_mass_covariance[0]
+    sensor = ratio * constants.sensors.link_variance[0]
+    rows, variances = decorrelated(state.link_origin[0], (sensor[0], sensor[1]), model)
+    np.testing.assert_allclose(state.link_row[0], rows, rtol=1e-9)
+    np.testing.assert_allclose(state.link_variance[0], variances, rtol=1e-9)
 
 
 @pytest.mark.parametrize("part", ["noise", "instants"])
