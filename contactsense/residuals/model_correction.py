@@ -58,6 +58,7 @@ def apply_correction(
         _correct_base(bias_filter, motion, body, K, observers.base)
     if bias_filter.status[0].estimates_masses:
         _scale_mass_regressor(bias_filter)
+    _scale_covariance(bias_filter)
     bias_filter.correction[:] = 0.0
 
 
@@ -109,7 +110,9 @@ def _correct_joint(
     bias = x[TORQUE_BIASES + j]
     torque_model.bias[j] += bias
     # Zero where friction is not estimated.
-    change = max(x[friction_factors(n) + j], MIN_RELATIVE_CHANGE)
+    factor = friction_factors(n) + j
+    x[factor] = max(x[factor], MIN_RELATIVE_CHANGE)
+    change = x[factor]
     d_torque, d_joint_momentum = bias + change * bias_filter.friction_regressor[j], 0.0
     torque_model.friction_factor[j] *= 1.0 + change
     bias_filter.friction_regressor[j] *= 1.0 + change
@@ -181,6 +184,21 @@ def _scale_mass_regressor(bias_filter: BiasFilter) -> None:
             observer.momentum[i] *= factor
             for m in range(3):
                 observer.integrand[m, i] *= factor
+
+
+@kernel
+def _scale_covariance(bias_filter: BiasFilter) -> None:
+    """Errors of factors and masses are relative to their estimates, which are now others.
+
+    Otherwise what the sensors cannot tell apart, such as a bias and a mass that has hardly turned, would be
+    another sum of errors after each correction, and seem to be known soon.
+    """
+    P, n = bias_filter.covariance, bias_filter.torque_variance.shape[0]
+    for i in range(friction_factors(n), P.shape[0]):
+        scale = 1.0 / (1.0 + bias_filter.correction[i])
+        for k in range(P.shape[0]):
+            P[i, k] *= scale
+            P[k, i] *= scale
 
 
 @kernel

@@ -19,6 +19,7 @@ from contactsense.residuals.momentum_observer import MomentumObserver
 from contactsense.residuals.observers import Observers, start_steps
 from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.sensors.settings import Friction
+from tests.contactsense.residuals.test_filter_covariance import phi
 
 N, FIRST_BODY = 6, 4
 """Joints; first link that the link sensor carries."""
@@ -123,6 +124,20 @@ def test_what_an_error_of_a_mass_does_is_that_of_the_corrected_mass() -> None:
         np.testing.assert_allclose(corrected.filter.mass_regressor.residual, expected, atol=1e-9)
         corrected.step(1)
         known.step(1)
+
+
+@pytest.mark.slow
+def test_a_correction_leaves_what_is_not_known_as_it_is() -> None:
+    """The covariance of the residuals is that before: they are the same numbers in other units."""
+    arm, correction = Arm(1.0), np.random.default_rng(2).uniform(-0.4, 0.6, 6 + 3 * N)
+    arm.step(400)
+    spread = np.random.default_rng(3).standard_normal(2 * (6 + 3 * N,))
+    arm.filter.covariance[:] = 1e-3 * spread @ spread.T
+    before = phi(arm.filter) @ arm.filter.covariance @ phi(arm.filter).T
+    arm.correct(correction)
+    after = phi(arm.filter) @ arm.filter.covariance @ phi(arm.filter).T
+    np.testing.assert_allclose(after, before, rtol=1e-9, atol=1e-12)
+    assert np.abs(before).max() > 1.0
 
 
 @pytest.mark.slow
