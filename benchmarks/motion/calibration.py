@@ -20,11 +20,13 @@ from contactsense.benchmarks.accuracy.calibration import (
 )
 from contactsense.benchmarks.motion import options as motion_options
 from contactsense.benchmarks.motion.command import samples, scene_for
+from contactsense.benchmarks.motion.model_error import with_drawn_masses
 from contactsense.benchmarks.motion.options import MODELS
 from contactsense.benchmarks.motion.score import AGES, samples_at_ages
 from contactsense.benchmarks.motion.streams import Stream, read, redrawn, with_velocity_noise
 from contactsense.benchmarks.static_truth.cases import COLUMNS, Noise
 from contactsense.benchmarks.truth_arms import files_of
+from contactsense.service.cli.options.finite_range import FiniteRange
 
 
 @click.command("motion-calibration")
@@ -35,6 +37,14 @@ from contactsense.benchmarks.truth_arms import files_of
 @motion_options.model("exact")
 @motion_options.draws(1)
 @motion_options.velocity_noise()
+@click.option(
+    "--mass-error",
+    type=FiniteRange(0.0, 1.0),
+    default=0.0,
+    show_default=True,
+    help="Relative standard deviation of each mass of the model, drawn for each run and stated as "
+    "inertia_error.",
+)
 @options.as_json
 def motion_calibration(
     folder: Path,
@@ -44,6 +54,7 @@ def motion_calibration(
     model: str,
     draws: int,
     velocity_noise: float,
+    mass_error: float,
     as_json: bool,
 ) -> None:
     """Compare stated probabilities with what is right, for the contacts of arms that move and rest in FOLDER
@@ -65,13 +76,14 @@ def motion_calibration(
     for name, suite, noise, wrong in track(
         rounds, description="stepping", console=Console(stderr=True), transient=True
     ):
-        results += summaries(streams[name, suite], noise, wrong, draws)
+        results += summaries(streams[name, suite], noise, wrong, draws, mass_error)
     if as_json:
         click.echo(
             json.dumps(
                 {
                     "model": model,
                     "velocity_noise": velocity_noise,
+                    "mass_error": mass_error,
                     "results": [plain(result) for result in results],
                 }
             )
@@ -80,16 +92,22 @@ def motion_calibration(
     print_summary(results, "contacts over time", "after")
 
 
-def summaries(streams: Sequence[Stream], noise: Noise, wrong: bool, draws: int = 1) -> list[Summary]:
-    """Process all streams of one arm; one summary of the answers at each age, slides apart."""
-    localizer = Localizer(scene_for(streams[0], noise, wrong))
+def summaries(
+    streams: Sequence[Stream], noise: Noise, wrong: bool, draws: int = 1, mass_error: float = 0.0
+) -> list[Summary]:
+    """Process all streams of one arm; one summary of the answers at each age, slides apart. `mass_error`: as
+    for `contactsense.benchmarks.motion.model_error.with_drawn_masses`."""
+    scene = scene_for(streams[0], noise, wrong)
+    localizer = Localizer(scene)
     rows = {
         f"{age:g} s{suffix}": (age, slides)
         for slides, suffix in ((False, ""), (True, ", slide"))
         for age in AGES
     }
     verdicts: dict[tuple[float, bool], list[Verdict | None]] = {row: [] for row in rows.values()}
-    for stream in streams:
+    for number, stream in enumerate(streams):
+        if mass_error:
+            localizer = Localizer(with_drawn_masses(scene, mass_error, number))
         for draw in range(draws if any(noise) else 1):
             drawn = redrawn(stream, draw)
             ages = samples_at_ages(drawn)

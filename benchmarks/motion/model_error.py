@@ -4,11 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from contactsense.robots import Inertia, Robot
+from contactsense import Scene
+from contactsense.robots import Inertia, Link, Robot
 from contactsense.sensors.settings import Friction
 
 MASS_ERROR = 0.02
 """All masses and inertias of the model are too large by this fraction."""
+LEAST_MASS = 0.4
+"""Least mass that is drawn, as a fraction of the true one: errors far beyond those of real arms are none."""
 FRICTION_ERROR = 0.05
 """Friction is compensated with coefficients that are too small by this fraction."""
 COULOMB = np.array([8.0, 8.0, 6.0, 2.0, 2.0, 2.0])
@@ -25,14 +28,23 @@ def heavier(robot: Robot, share: float) -> Robot:
     factor = 1.0 + share
     return replace(
         robot,
-        links=tuple(
-            replace(
-                link,
-                inertia=Inertia(factor * link.inertia.mass, link.inertia.com, factor * link.inertia.tensor),
-            )
-            for link in robot.links
-        ),
+        links=tuple(_with_mass(link, factor) for link in robot.links),
     )
+
+
+def _with_mass(link: Link, factor: float) -> Link:
+    """The same link with mass and inertia times that factor."""
+    inertia = link.inertia
+    return replace(link, inertia=Inertia(factor * inertia.mass, inertia.com, factor * inertia.tensor))
+
+
+def with_drawn_masses(scene: Scene, share: float, seed: int) -> Scene:
+    """The same scene with masses that are wrong by that standard deviation, each by another fraction, as its
+    `inertia_error` then states. No mass is less than `LEAST_MASS` of the true one."""
+    chance, robot = np.random.default_rng(seed), scene.robot
+    factors = np.maximum(1.0 + share * chance.standard_normal(len(robot.links)), LEAST_MASS)
+    links = tuple(_with_mass(link, factor) for link, factor in zip(robot.links, factors, strict=True))
+    return scene.model_copy(update={"robot": replace(robot, links=links), "inertia_error": share})
 
 
 def friction(qd: np.ndarray) -> np.ndarray:

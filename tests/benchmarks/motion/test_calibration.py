@@ -85,6 +85,28 @@ def test_noise_is_drawn_anew_and_answers_are_judged_together() -> None:
     assert early.samples == 3
 
 
+def test_masses_are_drawn_for_each_run_and_their_error_is_stated(monkeypatch: pytest.MonkeyPatch) -> None:
+    scenes: list[Scene] = []
+
+    class Known(Answers):
+        def __init__(self, scene: Scene) -> None:
+            scenes.append(scene)
+
+    monkeypatch.setattr(calibration, "Localizer", Known)
+    calibration.summaries([stream(), stream()], COLUMNS[1], wrong=False, draws=2, mass_error=0.1)
+    exact, *drawn = scenes
+    assert [scene.inertia_error for scene in scenes] == [0.0, 0.1, 0.1]
+    ratios = [
+        [link.inertia.mass / true.inertia.mass for link, true in zip(*links, strict=True)]
+        for links in ((scene.robot.links, exact.robot.links) for scene in drawn)
+    ]
+    assert 0.05 < np.std(ratios) < 0.15
+    assert not np.isclose(*ratios).any()
+    for link, ratio, true in zip(drawn[0].robot.links, ratios[0], exact.robot.links, strict=True):
+        np.testing.assert_allclose(link.inertia.tensor, ratio * true.inertia.tensor)
+        np.testing.assert_array_equal(link.inertia.com, true.inertia.com)
+
+
 @pytest.mark.usefixtures("answered")
 def test_the_command_prints_a_table_and_json(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(calibration, "read", lambda *_: [stream()])

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import ncx2 as chi_square
 
 from contactsense import JointTorqueSensor, Localizer, Sample, SampleBlock, Scene, SceneError, WrenchSensor
-from contactsense.robots import Inertia, Link
+from contactsense.robots import Inertia, Link, Robot
 from contactsense.robots.tool import Tool
 from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
 from contactsense.scene_model.load_weight import LoadWeight
@@ -32,6 +32,15 @@ ALL = Scene(robot=ARM, base_wrench=BASE, joint_torque=TORQUE, link_wrenches=(SEN
 WITHOUT_BASE = ALL.model_copy(update={"base_wrench": None})
 Q = np.array([0.2, -1.2, 1.4, -0.9, -1.3, 0.4])
 ZERO = np.zeros(6)
+
+
+def _with_masses(factors: np.ndarray) -> Robot:
+    """The arm with other masses, and inertias in proportion to them."""
+    links = tuple(
+        Link(x.name, Inertia(f * x.inertia.mass, x.inertia.com, f * x.inertia.tensor), x.primitives)
+        for f, x in zip(factors, ARM.links, strict=True)
+    )
+    return replace(ARM, links=links)
 
 
 @pytest.fixture(scope="module")
@@ -117,12 +126,8 @@ def test_errors_of_the_masses_are_no_contact() -> None:
     """Every link is heavier or lighter by a few per cent, as the scene permits."""
     chance = np.random.default_rng(8)
     factors = 1.0 + 0.03 * chance.standard_normal(len(ARM.links))
-    links = tuple(
-        Link(x.name, Inertia(f * x.inertia.mass, x.inertia.com, f * x.inertia.tensor), x.primitives)
-        for f, x in zip(factors, ARM.links, strict=True)
-    )
     scene = ALL.model_copy(update={"inertia_error": 0.03})
-    samples = stream(scene, 6.0, seed=4, robot=replace(ARM, links=links))
+    samples = stream(scene, 6.0, seed=4, robot=_with_masses(factors))
     found = list(Localizer(scene).run(samples))
     assert not any(estimate.contacts for estimate in found)
     # Taken for exact, the same masses are an external force.
@@ -134,17 +139,13 @@ def test_errors_of_the_masses_show_no_more_than_themselves() -> None:
     """A link's mass is one unknown. Its error adds to all six components of a wrench, but explains them all:
     together they have no more energy than half its square in standard deviations."""
     told, heavier = 0.1, np.array([0.0, 0.0, 0.2, 0.2, 0.2, 0.2, 0.2])
-    links = tuple(
-        Link(x.name, Inertia(f * x.inertia.mass, x.inertia.com, f * x.inertia.tensor), x.primitives)
-        for f, x in zip(1.0 + heavier, ARM.links, strict=True)
-    )
     sensor = SENSOR.model_copy(update={"force_noise": 0.01, "moment_noise": 0.001})
     nothing = JointTorqueSensor(noise=1e3)  # from which the masses are not learnt
     scene = Scene(
         robot=ARM, base_wrench=None, joint_torque=nothing, link_wrenches=(sensor,), inertia_error=told
     )
     localizer, energies = Localizer(scene), []
-    for sample in stream(scene, 1.0, robot=replace(ARM, links=links)):
+    for sample in stream(scene, 1.0, robot=_with_masses(1.0 + heavier)):
         localizer.step(sample)
         energies.append(float(localizer._buffers.state.no_contact_energy[0]))
     of_masses = 0.5 * np.sum((heavier[FOREARM:] / told) ** 2)

@@ -1,6 +1,5 @@
 """Drifting sensors and wrong masses are followed while nothing touches, and told from a contact."""
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -8,11 +7,11 @@ import pytest
 from scipy.stats import chi2
 
 from contactsense import JointTorqueSensor, Localizer, Sample, Scene, WrenchSensor
-from contactsense.benchmarks.motion.model_error import heavier
+from contactsense.benchmarks.motion.model_error import heavier, with_drawn_masses
 from contactsense.kinematics.inverse_dynamics import inverse_dynamics
 from contactsense.kinematics.model import build_model, empty_motion
 from contactsense.kinematics.momenta import kinematics_and_momenta
-from contactsense.robots import Inertia, Link, Robot
+from contactsense.robots import Robot
 from tests.plain_arm import plain_ur5e
 
 ARM = plain_ur5e()
@@ -21,14 +20,6 @@ RATE = np.array([2.0, 1.5, 2.5, 3.0, 2.0, 1.0])
 LINK = 3
 BASE = WrenchSensor(force_noise=0.25, moment_noise=0.05)
 NOISE = np.repeat([0.25, 0.05], 3)
-
-
-def _scaled(link: Link, factor: float) -> Link:
-    """A link of another mass and the same shape."""
-    inertia = link.inertia
-    return replace(
-        link, inertia=Inertia(factor * inertia.mass, inertia.com, factor * np.array(inertia.tensor))
-    )
 
 
 def _scene(robot: Robot = ARM, **fields: object) -> Scene:
@@ -140,14 +131,9 @@ def test_estimated_masses_are_as_uncertain_as_stated() -> None:
     """The squared error in units of the stated covariance is that of chi-square, with masses 10 % off. A mass
     that has hardly turned looks like a bias: what cannot be told apart must not seem to be known."""
     told, draws, squared = 0.1, 6, 0.0
-    chance = np.random.default_rng(2)
-    for _ in range(draws):
-        factors = 1.0 + told * chance.standard_normal(6)
-        links = (ARM.links[0], *(_scaled(x, f) for x, f in zip(ARM.links[1:], factors, strict=True)))
-        scene = Scene(
-            robot=replace(ARM, links=links), base_wrench=BASE, joint_torque=None, inertia_error=told
-        )
-        localizer = Localizer(scene)
+    exact = Scene(robot=ARM, base_wrench=BASE, joint_torque=None)
+    for seed in range(draws):
+        localizer = Localizer(with_drawn_masses(exact, told, seed))
         for sample in _free(4.0, 0.6):
             localizer.step(sample)
         state = localizer._buffers.state
