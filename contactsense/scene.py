@@ -129,7 +129,7 @@ class Scene(FileModel):
     """Inertia of links by name, where calibration has changed it. None: the robot's data."""
     inertia_error: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
     """Relative standard deviation of the mass of each link. A stream estimates the masses in free motion;
-    their remaining uncertainty is not mistaken for a contact."""
+    their remaining uncertainty, in a single measurement all of it, is not mistaken for a contact."""
     tool: Tool | None = None
     """The tool or payload mounted on the tool flange; None: there is none."""
     bodies: tuple[Body, ...] = ()

@@ -79,8 +79,8 @@ class StaticLocalizer:
         self._thresholds = SampleThresholds(scene)
         self._detectable = DetectableForce(constants, self._buffers.state, self._thresholds)
         # Threshold, detectable force and `sensor_bits` of single measurements, for the sets of sensors given
-        # so far.
-        self._detection_limits: dict[Usable, tuple[float, float, int]] = {}
+        # so far, and whether the arm's weight was subtracted from their values.
+        self._detection_limits: dict[tuple[Usable, bool], tuple[float, float, int]] = {}
         self._process: Callable[..., int]
 
     @property
@@ -160,15 +160,15 @@ class StaticLocalizer:
         given_links = wrist_wrench is not None or link_wrenches is not None
         links = by_field(wrist_wrench, link_wrenches) if given_links else {}
         usable = (base_wrench is not None, joint_torque is not None, 0)
-        limits = None if links else self._detection_limits.get(usable)
+        limits = None if links else self._detection_limits.get((usable, external))
         if limits is None:
             usable = self._given_sensors((base_wrench, joint_torque), links)
             limits = (
                 self._thresholds.threshold(usable),
-                self._detectable.of_measurement(usable),
+                self._detectable.of_measurement(usable, external),
                 sensor_bits_of(usable),
             )
-            self._detection_limits[usable] = limits
+            self._detection_limits[usable, external] = limits
         locator = self._set_locator(contacts, known, drift) if contacts != 1 or known else None
         threshold, self._estimate_builder.detectable, sensor_bits = limits
         options = self._options | AT_REST

@@ -42,7 +42,7 @@ class DetectableForce:
         first = int(constants.touchable.argmax())
         self._seeing = (constants.sensors.first_link <= first).tolist()
         self._lengths: dict[tuple[int, int], float] = {}
-        self._measured: dict[Usable, float] = {}
+        self._measured: dict[tuple[Usable, bool], float] = {}
         self.reset()
 
     def reset(self) -> None:
@@ -70,15 +70,26 @@ class DetectableForce:
         self._kept, self.left = _INTERVAL, 0
         return self._update()
 
-    def of_measurement(self, usable: Usable) -> float:
-        """Of a single measurement at rest [N]."""
-        if usable not in self._measured:
+    def of_measurement(self, usable: Usable, external: bool) -> float:
+        """Of a single measurement at rest [N]; without `external`, the weight of the arm's model is
+        subtracted from it, with the error of that."""
+        if (usable, external) not in self._measured:
             degrees = degrees_of_freedom_of(self._constants.model.joints, usable)
             length = detected_length(self._thresholds.threshold(usable), degrees)
             sensors = self._constants.sensors
-            links = sensors.link_variance[:, 0, None, None] * np.eye(3)
-            self._measured[usable] = self._force(usable, length, sensors.base_covariance[:3, :3], links)
-        return self._measured[usable]
+            base = sensors.base_covariance[:3, :3] + self._weight_covariance(0, external)
+            first = self._constants.link_sensors.first_body.tolist()
+            model = np.array([self._weight_covariance(k, external) for k in first]).reshape(-1, 3, 3)
+            links = sensors.link_variance[:, 0, None, None] * np.eye(3) + model
+            self._measured[usable, external] = self._force(usable, length, base, links)
+        return self._measured[usable, external]
+
+    def _weight_covariance(self, first: int, external: bool) -> np.ndarray:
+        """Covariance of the weight of links `first` and beyond because of their masses' errors, shape (3, 3)
+        [N^2]; it is the same in all postures."""
+        error = 0.0 if external else self._constants.inertia_error
+        weight = error * np.outer(self._constants.model.mass[first:], self._constants.gravity)
+        return np.asarray(weight.T @ weight)
 
     def _update(self) -> float:
         state, stream = self._state, self._state.stream

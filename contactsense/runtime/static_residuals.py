@@ -7,6 +7,7 @@ import numpy as np
 from contactsense.kinematics.momenta import kinematics_and_momenta
 from contactsense.kinematics.spatial import dot6
 from contactsense.residuals.joint_friction import unmodelled_torque_std
+from contactsense.residuals.static_mass_error import add_mass_covariance, mass_torque_variance
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import inlined_kernel
 from contactsense.runtime.residual_update import update_link_sensors
@@ -55,9 +56,7 @@ def take_static_residuals(
         state.unmodelled_std[j] = unmodelled_torque_std(constants.torque_model, j, 0.0)
     for i in range(6):
         state.base_wrench[i] = base_wrench[i] - (0.0 if external else motion.gravity[0, i])
-    state.bias_filter.base_covariance[:] = 0.0
-    state.bias_filter.torque_variance[:] = 0.0
-    state.link_mass_covariance[:] = 0.0
+    _set_model_errors(constants, state, external)
     state.timing_error.variance[:] = 0.0
     state.base_velocity_error.noise[:] = 0.0
     state.base_velocity_error.instants[:] = 0.0
@@ -73,3 +72,23 @@ def take_static_residuals(
         for i in range(6):
             state.link_wrench[s, i] = link_wrench[s, i] - (0.0 if external else state.link_load[s, 1, i])
             state.proximal_link_wrench[s, i] = state.link_wrench[s, i]
+
+
+@inlined_kernel
+def _set_model_errors(constants: Constants, state: State, external: bool) -> None:
+    """Covariances because of the masses, if their weight is subtracted here; a single measurement has no
+    biases and friction factors that were learnt."""
+    base_covariance, torque_variance = state.bias_filter.base_covariance, state.bias_filter.torque_variance
+    base_covariance[:] = 0.0
+    torque_variance[:] = 0.0
+    state.link_mass_covariance[:] = 0.0
+    error, weight = constants.inertia_error, state.motion.gravity
+    if external or error == 0.0:
+        return
+    add_mass_covariance(weight, error, 0, base_covariance)
+    for j in range(torque_variance.shape[0]):
+        error_of_torque = constants.torque_model.gravity * error
+        torque_variance[j] = mass_torque_variance(weight, error_of_torque, state.motion.screw[j], j)
+    for s in range(state.link_mass_covariance.shape[0]):
+        first = constants.link_sensors.first_body[s]
+        add_mass_covariance(weight, error, first, state.link_mass_covariance[s])

@@ -27,5 +27,5 @@ def restart_state(scene: Scene, constants: Constants, state: State) -> None:
         constants.gravity, np.cross(constants.model.com[0], constants.gravity)
     )
     friction_error = constants.torque_model.friction_error
-    restart_bias_filter(state.bias_filter, scene.inertia_error, weight, friction_error)
+    restart_bias_filter(state.bias_filter, constants.inertia_error, weight, friction_error)
     restart_noise_scale(state.noise_scale, constants.sensors.base_covariance)

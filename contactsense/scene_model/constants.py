@@ -69,6 +69,8 @@ class Constants(NamedTuple):
     """Place and load of the force/torque sensors within the arm."""
     torque_model: JointTorqueModel
     """Bias and friction in the joint torque signal."""
+    inertia_error: float
+    """Relative standard deviation of each link's mass."""
     bandwidth: float
     """Cut-off frequency of the observers [Hz]."""
     bias_rate: float
@@ -138,6 +140,7 @@ def build_constants(scene: Scene) -> Constants:
         gravity=scene.gravity_base,
         link_sensors=link_sensors(scene),
         torque_model=joint_torque_model(torque, len(scene.robot.joints)),
+        inertia_error=scene.inertia_error,
         bandwidth=scene.bandwidth,
         bias_rate=0.0 if scene.bias_time is None else 1.0 / scene.bias_time,
         limits=reading_limits(scene, wrench_transform(base.rotation, np.array(base.translation))),
