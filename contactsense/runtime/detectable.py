@@ -78,17 +78,19 @@ class DetectableForce:
             length = detected_length(self._thresholds.threshold(usable), degrees)
             sensors = self._constants.sensors
             base = sensors.base_covariance[:3, :3] + self._weight_covariance(0, external)
-            first = self._constants.link_sensors.first_body.tolist()
-            model = np.array([self._weight_covariance(k, external) for k in first]).reshape(-1, 3, 3)
+            mounted = self._constants.link_sensors
+            pairs = zip(mounted.first_body.tolist(), mounted.mass.tolist(), strict=True)
+            model = np.array([self._weight_covariance(k, external, m) for k, m in pairs]).reshape(-1, 3, 3)
             links = sensors.link_variance[:, 0, None, None] * np.eye(3) + model
             self._measured[usable, external] = self._force(usable, length, base, links)
         return self._measured[usable, external]
 
-    def _weight_covariance(self, first: int, external: bool) -> np.ndarray:
-        """Covariance of the weight of links `first` and beyond because of their masses' errors, shape (3, 3)
-        [N^2]; it is the same in all postures."""
+    def _weight_covariance(self, first: int, external: bool, load: float = 0.0) -> np.ndarray:
+        """Covariance of the weight of links `first` and beyond, and of a load [kg], because of their masses'
+        errors, shape (3, 3) [N^2]; it is the same in all postures."""
         error = 0.0 if external else self._constants.inertia_error
-        weight = error * np.outer(self._constants.model.mass[first:], self._constants.gravity)
+        masses = np.append(self._constants.model.mass[first:], load)
+        weight = error * np.outer(masses, self._constants.gravity)
         return np.asarray(weight.T @ weight)
 
     def _update(self) -> float:

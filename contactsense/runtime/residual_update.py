@@ -12,7 +12,8 @@ from contactsense.residuals.equations_of_motion import (
     wrenches_to_base_frame,
 )
 from contactsense.residuals.inertia_torque import follow_inertia_torque
-from contactsense.residuals.momentum_observer import group_of
+from contactsense.residuals.mass_error import add_load_covariance
+from contactsense.residuals.momentum_observer import advance, group_of, start_step
 from contactsense.residuals.noise_scale import follow_noise
 from contactsense.residuals.observers import ResidualParts, start_steps
 from contactsense.residuals.timing_error import advance_timing_error
@@ -65,11 +66,23 @@ def observe_link_sensors(constants: Constants, state: State) -> None:
 @inlined_kernel
 def predict_link_sensors(constants: Constants, state: State) -> None:
     """Covariance of the link sensors' residuals due to the masses, after the prediction of the bias filter
-    for this sample."""
-    if state.bias_filter.status[0].estimates_masses:
-        for s in range(state.link_load.shape[0]):
-            first = constants.link_sensors.first_body[s]
-            mass_covariance(state.bias_filter, first, state.link_mass_covariance[s])
+    for this sample.
+
+    The filter knows the last link together with the tool. So the mass of the tool, where a sensor carries
+    nothing else, has the error that the scene states.
+    """
+    if not state.bias_filter.status[0].estimates_masses:
+        return
+    step = start_step(state.load_regressor, state.stream.clock[0].step, constants.bandwidth)
+    for s in range(state.link_load.shape[0]):
+        first, covariance = constants.link_sensors.first_body[s], state.link_mass_covariance[s]
+        mass_covariance(state.bias_filter, first, covariance)
+        if first == state.motion.momentum.shape[0]:
+            for i in range(6):
+                momentum, weight = state.link_load[s, 0, i], state.link_load[s, 1, i]
+                advance(state.load_regressor, 6 * s + i, momentum, weight, step)
+            wrench = state.load_regressor.residual[6 * s : 6 * s + 6]
+            add_load_covariance(wrench, constants.inertia_error, covariance)
 
 
 @inlined_kernel

@@ -13,6 +13,7 @@ from contactsense.residuals.bias_filter import BiasFilter
 from contactsense.residuals.friction_at_rest import FrictionAtRest
 from contactsense.residuals.inertia_torque import InertiaTorque
 from contactsense.residuals.joint_friction import JointTorqueModel
+from contactsense.residuals.momentum_observer import MomentumObserver
 from contactsense.residuals.noise_scale import NoiseScale, restart
 from contactsense.residuals.observers import Observers
 from contactsense.residuals.residual_ewma import ResidualEwma
@@ -73,6 +74,9 @@ class State(NamedTuple):
     """Inertia torques, to which the torques' model error is in part proportional."""
     link_load: Annotated[Floats, "link_sensors, 2, 6"]
     """Momentum and gravity wrench of the load on each link sensor."""
+    load_regressor: Annotated[MomentumObserver, Sized(equations="6 * link_sensors")]
+    """What an error of the whole mass of that load would add to the wrench on a sensor that carries the tool
+    alone; unused for others."""
     link_origin: Annotated[Floats, "link_sensors, 3"]
     """Origin of each link sensor, base frame [m]."""
     unbiased_wrench: Annotated[Floats, "6"]

@@ -7,7 +7,11 @@ import numpy as np
 from contactsense.kinematics.momenta import kinematics_and_momenta
 from contactsense.kinematics.spatial import dot6
 from contactsense.residuals.joint_friction import unmodelled_torque_std
-from contactsense.residuals.static_mass_error import add_mass_covariance, mass_torque_variance
+from contactsense.residuals.mass_error import (
+    add_load_covariance,
+    add_mass_covariance,
+    mass_torque_variance,
+)
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import inlined_kernel
 from contactsense.runtime.residual_update import update_link_sensors
@@ -92,3 +96,5 @@ def _set_model_errors(constants: Constants, state: State, external: bool) -> Non
     for s in range(state.link_mass_covariance.shape[0]):
         first = constants.link_sensors.first_body[s]
         add_mass_covariance(weight, error, first, state.link_mass_covariance[s])
+        if first == weight.shape[0]:
+            add_load_covariance(state.link_load[s, 1], error, state.link_mass_covariance[s])

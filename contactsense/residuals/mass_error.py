@@ -1,6 +1,8 @@
-"""What errors of the masses add to one measurement of an arm at rest, from which its weight is subtracted.
+"""Covariances due to errors of the masses that are not learnt.
 
-A stream learns the masses in free motion (`contactsense.residuals.bias_filter`); one measurement cannot."""
+A stream learns the masses in free motion (`contactsense.residuals.bias_filter`). One measurement of an arm at
+rest, from which the weight of the model is subtracted, cannot.
+"""
 
 import numpy as np
 
@@ -24,6 +26,15 @@ def add_mass_covariance(weight: np.ndarray, error: float, first: int, covariance
             of_a = error * error * _of_link(weight, k, a)
             for b in range(6):
                 covariance[a, b] += of_a * _of_link(weight, k, b)
+
+
+@kernel
+def add_load_covariance(wrench: np.ndarray, error: float, covariance: np.ndarray) -> None:
+    """Add the covariance of the wrench of a body whose mass has this relative error. Shapes (6,) [N, Nm] and
+    (6, 6)."""
+    for a in range(6):
+        for b in range(6):
+            covariance[a, b] += error * error * wrench[a] * wrench[b]
 
 
 @kernel
