@@ -4,6 +4,7 @@ import os
 import signal
 import sys
 import threading
+import time
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -27,7 +28,7 @@ from contactsense.service.viewer import READY
 from contactsense.service.viewer.analysis_source import AnalysisSource, is_analysis, tables_instead
 from contactsense.service.viewer.live_source import LiveSource
 from contactsense.service.viewer.recorded_source import RecordedSource
-from contactsense.service.viewer.service_calls import LiveError, ServiceCalls
+from contactsense.service.viewer.service_calls import AwayError, LiveError, ServiceCalls
 from contactsense.service.viewer.viewer import PageServer, Viewer, run, serve_page
 
 URL = "http://127.0.0.1:8000"
@@ -37,6 +38,8 @@ NAMED = 3
 """Tables that a message names."""
 LESS_URGENT = 5
 """Added to the niceness of a viewer that runs beside its service."""
+RETRY = 1.0
+"""Time between two attempts to reach a service that has not come yet [s]."""
 
 
 @click.command()
@@ -76,7 +79,7 @@ def view(
 ) -> int:
     """Show an arm, its contacts and how certain they are, in a browser.
 
-    Without FILE: those of a running service. With FILE: a recording, which can be played, or the
+    Without FILE: those of a service, once it runs. With FILE: a recording, which can be played, or the
     contacts.parquet of `contactsense analyze`. Runs until interrupted.
     """
     if file is not None and (url is not None or token_file is not None or acknowledge):
@@ -92,7 +95,6 @@ def view(
         scene = None if scene_path is None else Scene.load(scene_path)
         if file is None:
             token = None if token_file is None else read_token(token_file)
-            _end_in_order(over)
             _live(URL if url is None else url, token, acknowledge, scene, host, port, over)
         else:
             # It takes minutes for a recording of hours.
@@ -132,10 +134,10 @@ def _live(
     over: threading.Event,
 ) -> None:
     calls = ServiceCalls(url, token)
-    scene = calls.scene() if scene is None else scene
     _give_way(url)
-    source = LiveSource(calls, scene)
+    source = _reached(calls, scene)
     try:
+        _end_in_order(over)
         viewer = Viewer(_page(host, port), source.scene, source.acknowledge if acknowledge else None)
         run(
             lambda: viewer.draw(source.frame(), source.note(), source.latches, source.failures),
@@ -145,6 +147,19 @@ def _live(
         viewer.close()
     finally:
         source.close()
+
+
+def _reached(calls: ServiceCalls, scene: Scene | None) -> LiveSource:
+    """The source of a service, once it is there: it may be started after the viewer."""
+    told = ""
+    while True:
+        try:
+            return LiveSource(calls, scene)
+        except AwayError as error:
+            if str(error) != told:
+                told = str(error)
+                click.echo(f"{told}; waiting for the service, Ctrl-C ends", err=True)
+        time.sleep(RETRY)
 
 
 def _give_way(url: str) -> None:

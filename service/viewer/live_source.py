@@ -44,7 +44,7 @@ class LiveSource:
             scene: Used instead of the service's, whose files may not be on this computer.
 
         Raises:
-            LiveError: The service does not answer, or its scene cannot be used here.
+            LiveError: The service does not answer (`AwayError`), or its scene cannot be used here.
         """
         self._calls = calls
         self._served = calls.scene_fields()

@@ -1,5 +1,6 @@
 """Requests of commands to a service over HTTP, with errors of one line."""
 
+import errno
 import http.client
 import json
 import ssl
@@ -23,6 +24,10 @@ Answer = TypeVar("Answer", bound=BaseModel)
 
 class LiveError(RuntimeError):
     """The service cannot be used; the message is one line for a person."""
+
+
+class AwayError(LiveError):
+    """Nothing answers there, as before a service has been started."""
 
 
 class UrlError(LiveError):
@@ -131,7 +136,8 @@ class ServiceCalls:
             raise LiveError(f"{self.url}{path}: {error.code} {_reason(error)}{hint}") from None
         except (OSError, http.client.HTTPException) as error:
             reason = getattr(error, "reason", error)
-            raise LiveError(f"{self.url} cannot be reached: {in_words(reason)}") from None
+            kind = AwayError if _is_away(reason) else LiveError
+            raise kind(f"{self.url} cannot be reached: {in_words(reason)}") from None
 
 
 def in_words(reason: object) -> str:
@@ -148,6 +154,13 @@ def in_words(reason: object) -> str:
     if isinstance(reason, ssl.SSLError) and reason.reason == "WRONG_VERSION_NUMBER":
         return "what answers there does not serve TLS; if it is the service, the URL begins with http"
     return str(getattr(reason, "strerror", None) or reason)
+
+
+def _is_away(reason: object) -> bool:
+    """Whether the address is right as far as one can tell, and a service may come."""
+    if isinstance(reason, ConnectionRefusedError | TimeoutError):
+        return True
+    return isinstance(reason, OSError) and reason.errno in (errno.EHOSTUNREACH, errno.ENETUNREACH)
 
 
 def _reason(error: urllib.error.HTTPError) -> str:

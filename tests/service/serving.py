@@ -11,9 +11,9 @@ from fastapi import FastAPI
 
 
 @contextmanager
-def serving(app: FastAPI) -> Iterator[str]:
-    """Serve on a free port of this host; yields `127.0.0.1:port`."""
-    listener = socket.create_server(("127.0.0.1", 0))
+def serving(app: FastAPI, listener: socket.socket | None = None) -> Iterator[str]:
+    """Serve on this socket, or on a free port of this host; yields `127.0.0.1:port`."""
+    listener = socket.create_server(("127.0.0.1", 0)) if listener is None else listener
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 16_384)  # a slow reader is felt soon
     server = uvicorn.Server(uvicorn.Config(app, log_level="warning", ws_per_message_deflate=False))
     thread = threading.Thread(target=server.run, args=([listener],), name="test server")

@@ -1,7 +1,9 @@
 """The live source: it draws what a service sends, and tells what it cannot use."""
 
 import asyncio
+import errno
 import http.client
+import socket
 import ssl
 import time
 import urllib.error
@@ -20,7 +22,7 @@ from contactsense.service.live.estimate_json import estimate_json
 from contactsense.service.reactions.health import LatchOut, ReactionsOut
 from contactsense.service.viewer import live_source
 from contactsense.service.viewer.live_source import OUTDATED, RATE, LiveSource
-from contactsense.service.viewer.service_calls import LiveError, ServiceCalls
+from contactsense.service.viewer.service_calls import AwayError, LiveError, ServiceCalls
 from contactsense.types import Estimate
 from tests.service.loopback import peer, until
 from tests.service.serving import serving
@@ -32,11 +34,15 @@ PUSH = estimate(SCENE, contact(SCENE, POSTURE, 3, np.array([-0.2, 0.05, 0.0])), 
 
 @contextmanager
 def service(
-    *sent: Estimate, scenes: Sequence[Scene] = (SCENE,), delay: float = 0.0, closed: float = np.inf
+    *sent: Estimate,
+    scenes: Sequence[Scene] = (SCENE,),
+    delay: float = 0.0,
+    closed: float = np.inf,
+    listener: socket.socket | None = None,
 ) -> Iterator[tuple[str, list[int]]]:
     """A service that sends estimates to each connection after a delay and then closes it; yields its URL, and
     the connections so far. Its scene is the last of `scenes`. It closes only the first `closed` connections
-    of itself."""
+    of itself. Its socket is made for it, unless it is given one."""
     app, connections = FastAPI(), [0]
 
     @app.get("/v1/scene")
@@ -46,19 +52,19 @@ def service(
         return {"links": scene.link_names, "gravity_base": scene.gravity_base.tolist(), "scene": dumped}
 
     @app.websocket("/v1/stream")
-    async def _(socket: WebSocket) -> None:
-        assert float(socket.query_params["rate"]) == RATE
+    async def _(stream: WebSocket) -> None:
+        assert float(stream.query_params["rate"]) == RATE
         connections[0] += 1
-        await socket.accept()
+        await stream.accept()
         await asyncio.sleep(delay)
         for each in sent:
-            await socket.send_text(estimate_json(each, POSTURE).decode())
+            await stream.send_text(estimate_json(each, POSTURE).decode())
         if connections[0] > closed:
-            await socket.receive()
+            await stream.receive()
         else:
-            await socket.close()
+            await stream.close()
 
-    with serving(app) as address:
+    with serving(app, listener) as address:
         yield f"http://{address}", connections
 
 
@@ -212,20 +218,30 @@ def test_a_service_without_tls_is_told() -> None:
 
 
 @pytest.mark.parametrize(
-    ("error", "told"),
+    ("error", "kind", "told"),
     [
-        (ssl.SSLCertVerificationError(1, "certificate verify failed"), "SSL_CERT_FILE names a file"),
+        (
+            ssl.SSLCertVerificationError(1, "certificate verify failed"),
+            LiveError,
+            "SSL_CERT_FILE names a file",
+        ),
         (
             http.client.RemoteDisconnected("no answer"),
+            LiveError,
             "no answer; if it serves TLS, the URL begins with https",
         ),
-        (ConnectionRefusedError(111, "Connection refused"), "cannot be reached: Connection refused"),
+        (socket.gaierror(socket.EAI_NONAME, "unknown"), LiveError, "cannot be reached: unknown"),
+        (ConnectionRefusedError(111, "Connection refused"), AwayError, "reached: Connection refused"),
+        (TimeoutError("timed out"), AwayError, "cannot be reached: timed out"),
+        (OSError(errno.EHOSTUNREACH, "No route to host"), AwayError, "cannot be reached: No route to host"),
     ],
-    ids=lambda each: type(each).__name__,
+    ids=lambda each: getattr(each, "__name__", type(each).__name__),
 )
 def test_what_to_do_is_told_where_a_service_cannot_be_reached(
-    error: OSError, told: str, monkeypatch: pytest.MonkeyPatch
+    error: OSError, kind: type[LiveError], told: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Only a service that may still come is away."""
+
     def fail(*_: object, **__: object) -> None:
         raise urllib.error.URLError(error)
 
@@ -234,5 +250,6 @@ def test_what_to_do_is_told_where_a_service_cannot_be_reached(
     monkeypatch.setattr(urllib.request, "urlopen", fail)
     with pytest.raises(LiveError) as caught:
         ServiceCalls("http://127.0.0.1:9").scene()
+    assert caught.type is kind
     assert told in str(caught.value)
     assert "Errno" not in str(caught.value)

@@ -35,7 +35,7 @@ SCENE = Scene(robot="ur5e")
             ("--url", "localhost:8000"),
             "--url: expected one such as http://127.0.0.1:8000, got 'localhost",
         ),
-        (("--url", "http://127.0.0.1:9"), "http://127.0.0.1:9 cannot be reached: "),
+        (("--url", "http://nowhere.invalid"), "http://nowhere.invalid cannot be reached: "),
         (("nowhere.parquet",), "nowhere.parquet"),
         (("--scene", "nowhere.yaml"), "nowhere.yaml: cannot read the scene"),
         (("--token-file", "nowhere"), "--token-file: nowhere cannot be read: No such file or directory"),
