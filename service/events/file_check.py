@@ -10,8 +10,8 @@ _PAUSE = 1.0
 """Time before the check begins [s]: a journal may be opened for a moment only, to try whether it can be."""
 _STEPS = 1000
 """Instructions of SQLite between two looks at whether to end."""
-_DAMAGED = "SELECT count(*), min(id) FROM events WHERE NOT json_valid(body)"
-"""SQLite's own check compares no texts with what they were. The count is there so that all are read."""
+_DAMAGED = "SELECT id FROM events WHERE NOT json_valid(body)"
+"""SQLite's own check compares no texts with what they were."""
 _TOLD = (sqlite3.SQLITE_IOERR, sqlite3.SQLITE_CORRUPT)
 """Errors that are damage."""
 
@@ -23,7 +23,7 @@ class FileCheck:
         path: The file.
         on_damage: Called from the thread if something in the file is damaged or cannot be read, with what
             SQLite calls it.
-        on_damaged_event: Called from the thread with the number of the first event whose text is damaged.
+        on_damaged_event: Called from the thread with the number of each event whose text is damaged.
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class FileCheck:
             with closing(sqlite3.connect(place, uri=True)) as database:
                 database.set_progress_handler(self._ending.is_set, _STEPS)
                 # First, as it can be ended: a slow disk takes seconds. The pages are then in memory.
-                _, damaged = database.execute(_DAMAGED).fetchone()
+                damaged = database.execute(_DAMAGED).fetchall()
                 (found,) = database.execute("PRAGMA quick_check(1)").fetchone()
         except sqlite3.Error as error:
             # Else it has been ended, or the file has just been removed, which the journal notices itself.
@@ -56,5 +56,5 @@ class FileCheck:
             return
         if found != "ok":
             self._on_damage("database disk image is malformed")
-        if damaged is not None:
-            self._on_damaged_event(damaged)
+        for (number,) in damaged:
+            self._on_damaged_event(number)

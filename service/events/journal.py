@@ -134,16 +134,16 @@ class Journal:
         self._closing = threading.Event()
         # What is wrong, each until it is over.
         self._not_written, self._unreadable, self._not_removed, self._elsewhere = "", "", "", ""
-        self._left_out = ""
+        self._stored = StoredEvents(self.read, place)
         self._writer = threading.Thread(target=self._write, name="event journal", daemon=True)
         self._writer.start()
-        self._stored = StoredEvents(self.read, self._leave_out)
-        self._check = None if place is None else FileCheck(place, self.unreadable, self._leave_out)
+        self._check = None if place is None else FileCheck(place, self.unreadable, self._stored.note_damaged)
 
     @property
     def error(self) -> str:
         """What is wrong, such as why the last commit failed, and what follows; empty if nothing is."""
-        return self._not_written or self._unreadable or self._left_out or self._not_removed or self._elsewhere
+        left_out = self._stored.error
+        return self._not_written or self._unreadable or left_out or self._not_removed or self._elsewhere
 
     @property
     def database(self) -> sqlite3.Connection:
@@ -166,13 +166,6 @@ class Journal:
         """The error to raise where something in the file cannot be read; `error` says so from now on."""
         self._unreadable = f"{self._settings.path}: the journal cannot be read: {why}{_RECOVERY}"
         return JournalError(self._unreadable)
-
-    def _leave_out(self, number: int) -> None:
-        place = self._settings.path
-        self._left_out = (
-            f"{place}: event {number} is damaged and left out: does the disk fail? While no service runs, "
-            f"sqlite3 {place} 'DELETE FROM events WHERE id = {number}' removes it"
-        )
 
     @property
     def last(self) -> int:
@@ -370,6 +363,8 @@ class Journal:
                 except sqlite3.Error as error:
                     self._not_removed = f"old events cannot be removed from the journal: {error}"
             self._elsewhere = self._is_elsewhere()
+            with suppress(JournalError):
+                self._stored.look_again()
 
     def _is_elsewhere(self) -> str:
         """What is wrong if somebody has removed, moved or replaced the file: what is written goes to one

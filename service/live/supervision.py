@@ -8,6 +8,8 @@ log = logging.getLogger("contactsense")
 
 PAUSE = 0.5
 """Time before a task that ended is restarted [s]."""
+LONGEST_PAUSE = 5.0
+"""The same at most, as it doubles for a task that ends again and again [s]."""
 
 
 class Supervised:
@@ -24,6 +26,7 @@ class Supervised:
         self._body = body
         self._task: asyncio.Task[None] | None = None
         self._stopping = False
+        self._pause = PAUSE
         self.failures = 0
         """How often the task has ended."""
         self.error = ""
@@ -54,13 +57,14 @@ class Supervised:
             finally:
                 well.cancel()
             self.failures += 1
-            if found != self.error:  # the same would be logged twice a second
+            if found != self.error:  # the same would be logged again and again
                 log.error("%s: %s; it is being restarted", self.name, found)
             self.error = found
-            await asyncio.sleep(PAUSE)
+            await asyncio.sleep(self._pause)
+            self._pause = min(2.0 * self._pause, LONGEST_PAUSE)
 
     def _is_well(self) -> None:
-        self.error = ""
+        self.error, self._pause = "", PAUSE
 
     def _ended(self, task: asyncio.Task[None]) -> None:
         # Cancelled from outside, or failed in a way that _run could not catch.

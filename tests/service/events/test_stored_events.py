@@ -59,6 +59,37 @@ def test_the_others_are_read_and_it_is_told(before: bytes, after: bytes, tmp_pat
         assert not journal.error
 
 
+def test_what_is_told_follows_what_is_removed_and_repaired(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was told until the service ended. All that are damaged are told at once."""
+    monkeypatch.setattr(file_check, "_PAUSE", 0.0)
+    path = tmp_path / "j.db"
+    with Journal(JournalSettings(path=path)) as journal:
+        first, *_, last = (journal.append(event(n)).id for n in range(15))
+    with closing(sqlite3.connect(path, isolation_level=None)) as database:
+        database.execute("CREATE TABLE intact AS SELECT id, body FROM events")
+        database.execute("UPDATE events SET body = 'x' WHERE id < ?", (last,))
+        with Journal(JournalSettings(path=path)) as journal:
+            assert until(lambda: f"events {first}, {first + 1}, " in journal.error)
+            assert f", {first + 9} and 4 more are damaged" in journal.error
+            assert journal.error.endswith("removes the first 10")
+            advised = re.search("'(DELETE .*)'", journal.error)
+            assert advised is not None
+            database.execute(advised[1])
+            assert until(lambda: f"events {first + 10}, {first + 11}, " in journal.error)
+            assert journal.error.endswith("removes them")
+            database.execute(
+                "UPDATE events SET body = (SELECT body FROM intact WHERE intact.id = events.id) WHERE id > ?",
+                (first + 10,),
+            )
+            assert until(lambda: f"event {first + 10} is damaged" in journal.error)
+            assert journal.error.endswith("removes it")
+            database.execute("DELETE FROM events WHERE body = 'x'")
+            assert until(lambda: not journal.error)
+            assert contacts(journal.since(0)) == [11, 12, 13, 14]
+
+
 @pytest.mark.parametrize("value", ["'x'", "CAST(x'ff' AS TEXT)", "-7", "9223372036854775807"])
 def test_numbers_rise_though_what_was_reserved_is_damaged(value: str, tmp_path: Path) -> None:
     """The service did not start."""

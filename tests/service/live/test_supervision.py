@@ -76,6 +76,40 @@ def test_an_error_that_comes_again_is_logged_once(
     assert [record.getMessage() for record in caplog.records] == told
 
 
+def test_a_task_that_ends_again_and_again_is_started_ever_less_often(monkeypatch: pytest.MonkeyPatch) -> None:
+    """After it has been well, the pauses begin anew."""
+    monkeypatch.setattr(supervision, "PAUSE", 0.001)
+    monkeypatch.setattr(supervision, "LONGEST_PAUSE", 0.003)
+    pauses: list[float] = []
+    sleep = asyncio.sleep
+
+    async def noted(seconds: float) -> None:
+        pauses.append(seconds)
+        await sleep(seconds)
+
+    async def body() -> None:
+        if len(pauses) == 4:
+            async with asyncio.timeout(10.0):
+                while task.error:
+                    await sleep(0.001)
+        if len(pauses) == 6:
+            await sleep(60.0)
+        raise OSError("a damaged file")
+
+    task = Supervised("the watch", body)
+
+    async def scenario() -> None:
+        task.start()
+        async with asyncio.timeout(10.0):
+            while len(pauses) < 6:
+                await sleep(0.001)
+        await task.stop()
+
+    monkeypatch.setattr(asyncio, "sleep", noted)
+    asyncio.run(scenario())
+    assert pauses == [0.001, 0.002, 0.003, 0.003, 0.001, 0.002]
+
+
 def test_a_task_that_is_stopped_has_ended_and_can_be_started_again(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(supervision, "PAUSE", 0.001)
     began, ended = 0, 0
