@@ -14,6 +14,8 @@ from contactsense.service.scene.summary import link_places
 
 _VIEWS = ((-60.0, 18.0), (30.0, 18.0))
 """Azimuth and elevation of the two views [deg]."""
+_LABEL_STEP = 0.07
+"""Height of a name and the space above it, as a share of the view's height."""
 _BODY_COLOURS = {"obstacle": "#b08968", "cover": "#8d99ae", "pedestal": "#6d597a"}
 """Role of a body -> its colour."""
 
@@ -42,16 +44,16 @@ def _draw(scene: Scene, q: np.ndarray, path: Path) -> None:
     places = link_places(scene, q)
     triangles, colours = _triangles(scene, to_world, places)
     size = float(np.ptp(triangles.reshape(-1, 3), axis=0).max())
-    figure, axes = pyplot.subplots(1, 2, figsize=(13.0, 7.5), layout="constrained")
+    figure, axes = pyplot.subplots(1, 2, figsize=(15.0, 7.5), layout="constrained")
     for plot, (azimuth, elevation) in zip(axes, _VIEWS, strict=True):
         camera = _camera(azimuth, elevation)
         _draw_surface(plot, camera, triangles, colours)
         _draw_gravity(plot, camera, triangles, size)
-        labels: list[np.ndarray] = []
         for name, rotation, origin in _frames(scene, places):
             _draw_frame(plot, camera, name, to_world @ rotation, to_world @ origin, 0.12 * size)
-            _draw_label(plot, name, (camera @ to_world @ origin)[:2], 0.12 * size, labels)
-        plot.set_aspect("equal")
+            _draw_label(plot, name, (camera @ to_world @ origin)[:2])
+        plot.autoscale_view()
+        plot.set_aspect("equal", adjustable="datalim")
         plot.set_axis_off()
     touchable = scene.touchable_links
     legend = [Patch(color=_colour(scene, i), label=name) for i, name in enumerate(scene.link_names)]
@@ -61,6 +63,9 @@ def _draw(scene: Scene, q: np.ndarray, path: Path) -> None:
     legend += [Patch(color=_BODY_COLOURS[b.role], label=f"{b.name} ({b.role})") for b in scene.bodies]
     figure.legend(handles=legend, loc="outside lower center", ncols=5, frameon=False)
     figure.suptitle(f"{scene.robot.name} in its mounting, seen from two sides")
+    figure.draw_without_rendering()  # which gives the views their size
+    for plot in axes:
+        _spread_labels(plot)
     try:
         figure.savefig(path, format="png")
     finally:
@@ -174,24 +179,33 @@ def _draw_frame(
         plot.update_datalim([end])
 
 
-def _draw_label(
-    plot: "mpl.axes.Axes", name: str, start: np.ndarray, length: float, labels: list[np.ndarray]
-) -> None:
-    """Name a frame at `start` (2,) below it, and below the labels that are already there."""
-    sensor = name != "base"
-    place = start + np.array([1.4, -1.9 if sensor else -1.2]) * length
-    while any(np.all(np.abs(place - other) < np.array([3.6, 0.7]) * length) for other in labels):
-        place[1] -= 0.1 * length
-    labels.append(place)
+def _draw_label(plot: "mpl.axes.Axes", name: str, start: np.ndarray) -> None:
+    """Name a frame whose origin is at `start` (2,) in the column of names, right of the view."""
     plot.annotate(
-        f"{name} frame ({'dashed' if sensor else 'solid'})",
+        f"{name} frame ({'solid' if name == 'base' else 'dashed'})",
         tuple(start),
-        tuple(place),
-        arrowprops={"arrowstyle": "-", "color": "#555555", "linewidth": 0.8},
+        (1.0, 0.5),
+        textcoords="axes fraction",
+        va="center",
+        arrowprops={"arrowstyle": "-", "color": "#555555", "linewidth": 0.8, "relpos": (0.0, 0.5)},
         bbox={"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": "#999999"},
     )
-    plot.update_datalim([place + np.array([2.0, 0.0]) * length])
-    plot.autoscale_view()
+
+
+def _spread_labels(plot: "mpl.axes.Axes") -> None:
+    """Put the names of frames one above the other, in the order of the frames so that their lines do not
+    cross, each as near to the height of its frame as the others allow."""
+    from matplotlib.text import Annotation
+
+    labels = [text for text in plot.texts if isinstance(text, Annotation) and text.get_text()]
+    to_fraction = plot.transData + plot.transAxes.inverted()
+    heights = [float(to_fraction.transform(label.xy)[1]) for label in labels]
+    step = min(_LABEL_STEP, 1.0 / len(labels))
+    above = 1.0
+    for rank, i in enumerate(np.argsort(heights)[::-1]):
+        lowest = (len(labels) - rank - 0.5) * step
+        above = min(above - step, max(heights[i], lowest))
+        labels[i].set_y(above)
 
 
 def _square_to(step: np.ndarray) -> np.ndarray:
