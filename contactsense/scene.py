@@ -22,7 +22,7 @@ from contactsense.robots.arm_checks import check_arm
 from contactsense.robots.attribute_docs import with_attributes
 from contactsense.robots.file_references import located
 from contactsense.robots.files.field_errors import Place, describe, reasons
-from contactsense.robots.files.file_model import FileModel
+from contactsense.robots.files.file_model import FieldError, FileModel
 from contactsense.robots.files.yaml_fields import read_fields
 from contactsense.robots.library import in_library, is_library_file
 from contactsense.robots.primitives import Vector
@@ -192,9 +192,8 @@ class Scene(FileModel):
     def __init__(self, /, **fields: Any) -> None:
         try:
             super().__init__(**fields)
-        except ValidationError as error:
-            found = reasons(error.errors(include_url=False), Scene)
-            raise SceneError(describe(error, Scene), found) from None
+        except FieldError as error:
+            raise SceneError(str(error), reasons(error.issues, Scene)) from None
 
     @field_validator("mounting", mode="before")
     @classmethod

@@ -8,7 +8,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from pydantic import ValidationError
 
 from contactsense.calibration.calibration_model import CalibrationModel
 from contactsense.calibration.contacts.contact_test import SuspectedContact, suspected_contacts
@@ -36,6 +35,7 @@ from contactsense.calibration.residuals.recording_residuals import (
 )
 from contactsense.calibration.result import Calibration, Value, residual_statistics, scene_of
 from contactsense.calibration.torque_signal_meaning import compare_meanings, setting_warnings
+from contactsense.robots.files.file_model import FieldError
 from contactsense.scene import Scene, check_scene
 from contactsense.sensors.settings import CURRENTS
 
@@ -131,9 +131,9 @@ def calibrate(
     changed = {str(entry.group) for i, entry in enumerate(selected) if fitted.free[i] or i in fitted.at_zero}
     try:
         calibrated = scene_of(arm, changed, noise_levels, wrenches)
-    except ValidationError as error:
-        first = error.errors()[0]
-        name = f"{error.title.lower()}.{first['loc'][0]}" if first["loc"] else error.title.lower()
+    except FieldError as error:
+        first, part = error.issues[0], error.model.__name__.lower()
+        name = f"{part}.{first['loc'][0]}" if first["loc"] else part
         raise CalibrationError(
             f"{recordings[0].name}: expected motion of the scene's arm, got a fit with {name} "
             f"{first['input']!r:.40}: `contactsense check` finds the wrong line or signal"

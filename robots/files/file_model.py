@@ -6,17 +6,46 @@ In YAML `yes`, `on` and `true` are truth values, which Python takes for 1 where 
 
 from collections.abc import Mapping
 from functools import cache
-from typing import Any, Self, get_args
+from typing import TYPE_CHECKING, Any, Self, get_args
 
-from pydantic import BaseModel, ConfigDict, model_validator
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
+from contactsense.robots.files.field_errors import describe
 from contactsense.robots.files.near_names import did_you_mean
 
 
+class FieldError(ValueError):
+    """Fields of an object that is made in Python are wrong. The message is one line: each field, the expected
+    value and the given one."""
+
+    def __init__(self, error: ValidationError, model: type[BaseModel]) -> None:
+        """Put pydantic's error of a model into words."""
+        super().__init__(describe(error, model))
+        self.issues = error.errors(include_url=False)
+        """What pydantic says of each error."""
+        self.model = model
+        """What was to be made."""
+
+
 class FileModel(BaseModel):
-    """What is read from a file, see the module."""
+    """What is read from a file, see the module.
+
+    Raises:
+        FieldError: A field is wrong.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    if not TYPE_CHECKING:  # type checkers know the fields of each model
+
+        def __init__(self, /, **fields: Any) -> None:
+            try:
+                super().__init__(**fields)
+            except ValidationError as error:
+                raise FieldError(error, type(self)) from None
+
+        # As a part of another model it is validated with the whole, whose error names the place of the part.
+        __init__.__pydantic_base_init__ = True
 
     @model_validator(mode="before")
     @classmethod

@@ -1,4 +1,4 @@
-"""Truth values where a file must have numbers."""
+"""Wrong fields of objects made in Python, and truth values where a file must have numbers."""
 
 from collections.abc import Callable
 from typing import Any
@@ -6,10 +6,46 @@ from typing import Any
 import pytest
 import yaml
 
+from contactsense.robots.files.file_model import FieldError, FileModel
+from contactsense.robots.primitives import Sphere
+from contactsense.robots.surroundings import Body
+from contactsense.robots.tool import Tool
 from contactsense.robots.yaml_schema import JointEntry
-from contactsense.scene import Scene
+from contactsense.scene import JointTorqueSensor, LinkWrenchSensor, Scene, WrenchSensor
+from contactsense.sensors.settings import Friction
 from contactsense.service.mock.arm.script import Script
 from contactsense.service.reactions.rules import ReactionRules
+
+
+@pytest.mark.parametrize(
+    ("model", "fields", "told"),
+    [
+        (WrenchSensor, {"force_noise": -1}, "force_noise: expected a number of at least 1e-09, got -1"),
+        (
+            LinkWrenchSensor,
+            {"name": "elbow"},
+            "link: expected a value, the field is missing",
+        ),
+        (
+            JointTorqueSensor,
+            {"noise": "x", "friction": {"coulomb": [1, -2]}},
+            "noise: expected a number or a list, got 'x'; "
+            "friction.coulomb[1]: expected a number of at least 0, got -2",
+        ),
+        (Friction, {"velocity": 0}, "velocity: expected a number above 0, got 0"),
+        (Tool, {"mas": 1}, "mas: unknown field (did you mean mass?), got 1"),
+        (Body, {"name": "a", "primitives": 3}, "primitives: expected a list, got 3"),
+        (Sphere, {"center": (0, 0), "radius": 1}, "center: expected 3 values, got 2"),
+    ],
+)
+def test_what_is_wrong_with_an_object_made_in_python_is_one_line(
+    model: type[FileModel], fields: dict[str, Any], told: str
+) -> None:
+    """It was pydantic's error of many lines, with an address on the internet."""
+    with pytest.raises(FieldError) as caught:
+        model(**fields)
+    assert str(caught.value) == told
+    assert caught.value.model is model
 
 
 @pytest.mark.parametrize(
@@ -45,7 +81,7 @@ def test_truth_is_meant_where_it_can_be() -> None:
     ],
 )
 def test_truth_is_no_number_in_other_files(model: Callable[..., Any], text: str) -> None:
-    with pytest.raises(ValueError, match="Input should be a valid number"):
+    with pytest.raises(ValueError, match=r"(base_force|moving_speed|rpy\[2\]): expected a number, got true"):
         model(**yaml.safe_load(text))
 
 

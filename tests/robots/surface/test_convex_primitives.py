@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pydantic import ValidationError
 from scipy.spatial import cKDTree
 
+from contactsense.robots.files.file_model import FieldError
 from contactsense.robots.primitives import Box, Capsule, Cylinder, Ellipsoid, Sphere
 from contactsense.robots.robot import Inertia, Link
 from contactsense.robots.surface import convex_primitives as surface
@@ -222,9 +222,9 @@ def test_pack_of_nothing() -> None:
 
 
 def test_rounding_must_fit() -> None:
-    with pytest.raises(ValidationError, match="does not fit"):
+    with pytest.raises(FieldError, match="does not fit"):
         Cylinder(a=(0, 0, 0), b=(0, 0, 0.01), radius_a=0.05, radius_b=0.05, rounding=0.006)
-    with pytest.raises(ValidationError, match="does not fit"):
+    with pytest.raises(FieldError, match="does not fit"):
         Cylinder(a=(0, 0, 0), b=(0, 0, 0.1), radius_a=0.002, radius_b=0.05, rounding=0.01)
-    with pytest.raises(ValidationError, match="same point"):
+    with pytest.raises(FieldError, match="same point"):
         Cylinder(a=(0, 0, 0), b=(0, 0, 0), radius_a=0.002, radius_b=0.05, rounding=0.01)
