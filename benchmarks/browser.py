@@ -156,7 +156,7 @@ class Page:
 
     def key(self, name: str) -> None:
         """Press a key, such as Home, in what has the focus."""
-        codes = {"Home": 36, "End": 35, "ArrowRight": 39}
+        codes = {"Home": 36, "End": 35, "ArrowRight": 39, "ArrowUp": 38, "-": 189}
         for kind in ("keyDown", "keyUp"):
             self.call(
                 "Input.dispatchKeyEvent", type=kind, key=name, code=name, windowsVirtualKeyCode=codes[name]

@@ -79,6 +79,7 @@ def _content(analysis: Analysis) -> dict[str, Any]:
         "residuals": _residual_panels(analysis),
         "contacts": [_contact(contact, analysis) for contact in analysis.contacts],
         "detailed": [_contact(c, analysis) for c in analysis.contacts if c.contact in chosen],
+        "chosen": chosen,
         "hidden": len(analysis.contacts) - len(chosen),
         "warning": warning(analysis),
         "unjudged": UNJUDGED,

@@ -1,4 +1,5 @@
-// Draws an arm into a canvas, with a depth buffer; dragging turns it, the wheel zooms. Lengths in mm.
+// Draws an arm into a canvas, with a depth buffer. Dragging or the arrow keys turn it; once it has the focus, the
+// wheel or + and - zoom: the wheel of somebody who only scrolls the page must not. Lengths in mm.
 function drawArm(canvas, geometry, view) {
   const cross = (a, b) => [a[1]*b[2]-a[2]*b[1], a[2]*b[0]-a[0]*b[2], a[0]*b[1]-a[1]*b[0]];
   const dot = (a, b) => a[0]*b[0] + a[1]*b[1] + a[2]*b[2];
@@ -157,15 +158,28 @@ function drawArm(canvas, geometry, view) {
     if (waiting) return;
     waiting = true; requestAnimationFrame(() => { waiting = false; draw(); });
   };
+  const turn = (aside, higher) => {
+    azimuth -= aside; elevation = Math.max(-1.5, Math.min(1.5, elevation + higher)); redraw();
+  };
+  canvas.tabIndex = 0;
   canvas.onpointerdown = e => { from = [e.clientX, e.clientY]; canvas.setPointerCapture(e.pointerId); };
-  canvas.onpointerup = () => { from = null; };
+  canvas.onpointerup = canvas.onpointercancel = () => { from = null; };
   canvas.onpointermove = e => {
     if (!from) return;
-    azimuth -= (e.clientX - from[0]) * 0.01;
-    elevation = Math.max(-1.5, Math.min(1.5, elevation + (e.clientY - from[1]) * 0.01));
-    from = [e.clientX, e.clientY]; redraw();
+    turn((e.clientX - from[0]) * 0.01, (e.clientY - from[1]) * 0.01);
+    from = [e.clientX, e.clientY];
   };
-  canvas.onwheel = e => { e.preventDefault(); zoom *= Math.exp(-e.deltaY * 0.001); redraw(); };
+  canvas.onwheel = e => {
+    if (document.activeElement !== canvas) return;
+    e.preventDefault(); zoom *= Math.exp(-e.deltaY * 0.001); redraw();
+  };
+  canvas.onkeydown = e => {
+    const turns = {ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, -0.1], ArrowDown: [0, 0.1]};
+    const zooms = {"+": 1.1, "=": 1.1, "-": 1 / 1.1};
+    if (e.ctrlKey || e.altKey || e.metaKey || !(e.key in turns || e.key in zooms)) return;
+    e.preventDefault();
+    if (e.key in turns) turn(...turns[e.key]); else { zoom *= zooms[e.key]; redraw(); }
+  };
   window.addEventListener("resize", redraw);
   draw();
 }

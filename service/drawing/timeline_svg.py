@@ -6,9 +6,13 @@ from html import escape
 
 import numpy as np
 
-WIDTH, LEFT, RIGHT, TOP, BOTTOM = 1000, 62, 14, 10, 44
+WIDTH, LEFT, RIGHT, TOP, BOTTOM = 1000, 62, 14, 12, 44
 DIGIT = 13
 """Width of a digit where a panel is drawn at half its size and its letters are enlarged."""
+LETTER = 11
+"""Width of a letter on a narrow screen, where letters are enlarged."""
+COLUMN = 0.5
+"""Width of a column of the picture in which a curve's extremes tell all that can be seen."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,10 +70,11 @@ def panel(
         if half <= x <= WIDTH - half:  # else a part of it would be outside of the picture
             parts.append(f'<text x="{x:.1f}" y="{TOP + depth + 19}" text-anchor="middle">{label}</text>')
     parts += [_curve(curve, at) for curve in curves if len(curve.x)]
+    middle = max(TOP + depth / 2, 0.5 * LETTER * len(unit))  # else the unit's end would be outside
     parts.append(
         f'<text x="{WIDTH - RIGHT}" y="{height - 4}" text-anchor="end">time / s</text>'
-        f'<text x="12" y="{TOP + depth / 2:.0f}" text-anchor="middle" '
-        f'transform="rotate(-90 12 {TOP + depth / 2:.0f})">{escape(unit)}</text></svg>'
+        f'<text x="16" y="{middle:.0f}" text-anchor="middle" '
+        f'transform="rotate(-90 16 {middle:.0f})">{escape(unit)}</text></svg>'
     )
     return "".join(parts)
 
@@ -105,7 +110,7 @@ def _part(
     curve: Curve, x: np.ndarray, y: np.ndarray, at: Callable[[float, float], tuple[float, float]]
 ) -> str:
     """A part of a curve without a gap."""
-    places = [at(*place) for place in zip(x.tolist(), y.tolist(), strict=True)]
+    places = _seen(np.array([at(*place) for place in zip(x.tolist(), y.tolist(), strict=True)])).tolist()
     if len(places) == 1:  # a line of one point is not to be seen
         places.append((places[0][0] + 1.0, places[0][1]))
     label = f"<title>{escape(curve.label)}</title>" if curve.label else ""
@@ -117,3 +122,15 @@ def _part(
     ground = at(0.0, 0.0)[1]
     area = f"{places[0][0]:.1f},{ground:.1f} {line} {places[-1][0]:.1f},{ground:.1f}"
     return f'<polygon points="{area}" fill="{curve.colour}" fill-opacity="0.3">{label}</polygon>{shape}'
+
+
+def _seen(places: np.ndarray) -> np.ndarray:
+    """Of a line's points, shape (K, 2), from left to right, those that can be seen: in each column the first,
+    the last, the highest and the lowest. A long recording has thousands of contacts, each narrower than a
+    column."""
+    column = np.floor(places[:, 0] / COLUMN)
+    begins = np.flatnonzero(np.diff(column, prepend=-np.inf))
+    ends = np.append(begins[1:], len(places)) - 1
+    by_height = np.lexsort((places[:, 1], column))
+    kept = np.unique(np.concatenate([begins, ends, by_height[begins], by_height[ends]]))
+    return np.take(places, kept, axis=0)

@@ -13,6 +13,7 @@ from contactsense.service.cli.analyze import analyze
 from tests.browser import require_browser
 from tests.service.analysis.recordings import demo, write_motion
 from tests.service.drawing.test_palette import contrast
+from tests.service.loopback import until
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 LONG = "demo" + 8 * "_of_the_cell"
@@ -75,6 +76,39 @@ SMALLEST = """Math.min(...[...document.querySelectorAll('svg text')]
 """Size of the smallest label of a plot that is shown [px]."""
 
 
+OUTSIDE = """[...document.querySelectorAll('svg text')].filter(text => {
+  const own = text.getBoundingClientRect(), all = text.ownerSVGElement.getBoundingClientRect();
+  const free = 0.2 * Math.min(own.width, own.height);
+  const within = [own.top - all.top, own.left - all.left, all.right - own.right, all.bottom - own.bottom];
+  return Math.min(...within) < -free;
+}).map(text => text.textContent)"""
+"""Labels of plots of which a part is cut off. A fifth of a letter's box is free above it, and below it."""
+
+
+@pytest.mark.slow
+def test_a_drawing_is_turned_by_keys_and_the_wheel_scrolls_the_page(report: Path, tmp_path: Path) -> None:
+    """Until somebody has chosen the drawing."""
+    require_browser()
+    wheel = "canvas.dispatchEvent(new WheelEvent('wheel', {deltaY: 100, cancelable: true}))"
+    with browser_page(report.as_uri(), tmp_path) as (page, _):
+        page.wait_for("Contacts in demo")
+        page.evaluate("canvas = document.querySelector('canvas'), 0")
+        pictures = [page.evaluate("canvas.toDataURL()")]
+        assert page.evaluate(wheel)  # the browser does what it always does
+        page.evaluate("canvas.focus()")
+        for key in ("ArrowRight", "ArrowUp", "-"):
+            page.key(key)
+            assert until(lambda: page.evaluate("canvas.toDataURL()") not in pictures)
+            pictures.append(page.evaluate("canvas.toDataURL()"))
+        assert not page.evaluate(wheel)
+        assert until(lambda: page.evaluate("canvas.toDataURL()") not in pictures)
+        page.evaluate("document.querySelector('table a').click()")
+        assert page.evaluate("document.querySelector(location.hash + ' h3').innerText").startswith(
+            "Contact 1:"
+        )
+        assert page.errors() == []
+
+
 @pytest.fixture(scope="module")
 def fleet(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The report of one robot on three days, with charts of its drift."""
@@ -108,4 +142,5 @@ def test_they_can_be_read_in_light_and_dark_on_a_wide_and_a_narrow_screen(
             assert labels
             assert min(contrast(text, ground) for text in (note, *labels)) >= 4.5  # WCAG 2.2, 1.4.3
             assert page.evaluate(SMALLEST) >= 9.0
+            assert page.evaluate(OUTSIDE) == []
             assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")

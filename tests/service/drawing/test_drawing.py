@@ -14,7 +14,7 @@ from contactsense.robots.surroundings import Body
 from contactsense.service.drawing.arm_scene import arm_geometry, arm_view, contact_view
 from contactsense.service.drawing.link_geometry import geometry_of, link_meshes
 from contactsense.service.drawing.palette import link_colour
-from contactsense.service.drawing.timeline_svg import DIGIT, WIDTH, Curve, nice_step, panel
+from contactsense.service.drawing.timeline_svg import COLUMN, DIGIT, WIDTH, Curve, nice_step, panel
 
 
 def unpacked(mesh: dict[str, str]) -> tuple[np.ndarray, np.ndarray]:
@@ -97,6 +97,23 @@ def test_what_is_not_known_is_a_gap() -> None:
     right = [[float(place.split(",")[0]) for place in line] for line in lines]
     assert max(right[1]) - min(right[1]) == pytest.approx(1.0)
     assert drawn.count("<polygon") == 3
+
+
+def test_a_curve_has_no_more_points_than_can_be_seen() -> None:
+    """The thousands of contacts of a long recording took a page of tens of megabytes."""
+    t = np.linspace(0.0, 1.0, 200_000)
+    force = np.random.default_rng(1).normal(10.0, 1.0, len(t))
+    force[77_777], force[123_456] = 39.0, 1.0
+    drawn = panel([Curve(t, force, "#000")], (0.0, 1.0), "N", "force")
+    (line,) = re.findall(r'<polyline points="([^"]+)"', drawn)
+    places = np.array([place.split(",") for place in line.split()], dtype=float)
+    assert len(places) <= 4 * WIDTH / COLUMN
+    assert (np.diff(places[:, 0]) >= 0.0).all()
+    whole = panel(
+        [Curve(t[[0, 77_777, 123_456, -1]], force[[0, 77_777, 123_456, -1]], "#000")], (0.0, 1.0), "N", ""
+    )
+    (few,) = re.findall(r'<polyline points="([^"]+)"', whole)
+    assert set(few.split()) <= set(line.split())
 
 
 @pytest.mark.parametrize("curves", [[], [Curve(np.array([0.0, 1.0]), np.zeros(2), "#000")]])
