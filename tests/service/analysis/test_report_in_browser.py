@@ -85,6 +85,17 @@ OUTSIDE = """[...document.querySelectorAll('svg text')].filter(text => {
 """Labels of plots of which a part is cut off. A fifth of a letter's box is free above it, and below it."""
 
 
+NAMED = """(() => {
+  const places = 'h3, dd, li, summary, figcaption, td.text, .scroll td:first-child, .legend span, .lead';
+  for (const place of document.querySelectorAll(places))
+    place.append(' ' + 'gripper_of_the_second_cell_'.repeat(4));
+  const boxes = [document.documentElement, ...document.querySelectorAll('section')];
+  return Math.max(...boxes.map(box => box.scrollWidth - box.clientWidth));
+})()"""
+"""Writes long names without a place to break wherever names are; by how much the page, or the frame around a
+contact, is wider than its place then [px]."""
+
+
 @pytest.mark.slow
 def test_a_drawing_is_turned_by_keys_and_the_wheel_scrolls_the_page(report: Path, tmp_path: Path) -> None:
     """Until somebody has chosen the drawing."""
@@ -144,3 +155,6 @@ def test_they_can_be_read_in_light_and_dark_on_a_wide_and_a_narrow_screen(
             assert page.evaluate(SMALLEST) >= 9.0
             assert page.evaluate(OUTSIDE) == []
             assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+        for width in (1280, 400):
+            page.imitate(width, 900, False)
+            assert page.evaluate(NAMED) <= 0
