@@ -29,6 +29,9 @@ GROWTH = 0.1
 probability."""
 INTERVAL = 0.2
 """Shortest time between two regions of one explanation [s]."""
+LONGEST = 24
+"""Characters of a link's name in the picture; a longer label would hide the arm on a phone. The panel has the
+whole name."""
 
 
 @dataclass(slots=True, eq=False)
@@ -132,8 +135,9 @@ class ContactNodes:
 
 def label(contact: Contact) -> str:
     """Link, force and probability of an explanation, such as `forearm 20 N, 98 %`."""
+    name = contact.link if len(contact.link) <= LONGEST else f"{contact.link[: LONGEST - 1]}…"
     force = float(np.linalg.norm(contact.force_base))
-    return f"{contact.link} {force:.0f} N, {in_percent(contact.probability)}"
+    return f"{name} {force:.0f} N, {in_percent(contact.probability)}"
 
 
 def _looks_like(contact: Contact, drawn: Contact) -> bool:

@@ -42,6 +42,8 @@ _STYLE = """
 :root[data-mantine-color-scheme="dark"] { --mantine-color-dimmed: #b4bcc4; }
 p, li { overflow-wrap: anywhere; }
 table th { text-align: left; }
+td:first-child { overflow-wrap: anywhere; } /* names of links */
+td:not(:first-child) { white-space: nowrap; } /* numbers with their units */
 .mantine-NumberInput-root[style*="width: 3rem"] { width: 4.5rem !important; }
 @media (max-width: 36em) {
   [style*="max-height: 60%"] { width: 100% !important; max-height: 50% !important; }

@@ -1,6 +1,7 @@
 """The page in windows of several sizes, in light and dark systems: what can be read, what is covered."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from contactsense import Scene
 from contactsense.benchmarks.browser import BrowserError
 from contactsense.service.scene.summary import link_places
+from contactsense.service.viewer.contact_nodes import label
 from tests.browser import require_browser
 from tests.service.drawing.test_palette import contrast
 from tests.service.loopback import until
@@ -115,6 +117,22 @@ def test_on_a_phone_failed_actions_are_listed_when_asked_for(shown: Shown) -> No
         assert not shown.page.evaluate(cut)
     finally:
         shown.failures = ()
+
+
+def test_on_a_phone_a_long_name_leaves_room_for_the_numbers(shown: Shown) -> None:
+    named = replace(
+        contact(SCENE, POSTURE, 3, np.array([-0.2, 0.05, 0.0])),
+        link="gripper_of_the_second_cell_with_a_camera",
+    )
+    shown.estimate = estimate(SCENE, named)
+    try:
+        opened(shown, 400, 800, dark=False)
+        cells = "[...document.querySelectorAll('td')]"
+        assert until(lambda: shown.page.evaluate(f"{cells}.length") >= 4)
+        assert shown.page.evaluate(f"{cells}.every(cell => cell.getBoundingClientRect().right <= innerWidth)")
+        assert label(named) == "gripper_of_the_second_c… 20 N, > 99 %"
+    finally:
+        shown.estimate = None
 
 
 def test_the_time_in_a_recording_of_a_day_is_not_cut_off(shown: Shown) -> None:
