@@ -188,14 +188,17 @@ class Clips:
         clip.error = error
         log.error("clip %d (%s) was not written: %s", clip.number, clip.reason, error)
 
-    def _resume(self) -> None:
-        """A process has started that writes clips and recording; it has forgotten those of the one before.
-
-        Commands that arrived while the first one was loading have not been read by it yet.
-        """
+    def note_end(self) -> None:
+        """The pipeline's process has ended, and has forgotten the clips that it had not written."""
         for clip in self.clips.values():
-            if self._started and clip.file is None and not clip.error:
-                clip.error = "the pipeline was started again before the clip was complete"
+            if clip.file is None and not clip.error:
+                self._fail(clip, "the pipeline ended before the clip was complete")
+
+    def _resume(self) -> None:
+        """A process has started that writes clips and recording; it knows no recording of the one before.
+
+        Commands that arrived while it was loading have not been read by it yet.
+        """
         self._rows_before = self.recording.rows
         if self.recording.on:
             if self._started:

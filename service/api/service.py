@@ -125,7 +125,7 @@ class Service:
         self.reactions.on_lowered = self.reaction_store.save_lowered
         self.reactions.restore(self.reaction_store.load(), self.reaction_store.load_lowered())
         self.runner.others = self._troubles
-        self.runner.on_end = lambda: self._end_contacts("the pipeline's process")
+        self.runner.on_end = self._note_end_of_pipeline
         loading = loop.create_task(self._load())
         self.runner.start()
         reloads: set[asyncio.Task[None]] = set()
@@ -196,6 +196,10 @@ class Service:
         """Release the open contacts, because `who` has ended: the next process numbers its own from 1 on."""
         for event in self._contacts.end(who, utc_now()):
             self.record(event)
+
+    def _note_end_of_pipeline(self) -> None:
+        self.clips.note_end()
+        self._end_contacts("the pipeline's process")
 
     def _load_rules(self, scene: Scene) -> ReactionRules | None:
         """Load the rules of the scene.

@@ -29,6 +29,8 @@ LONGEST_PAUSE = 2.0
 """Longest pause before the stream is opened again [s]."""
 OUTDATED = "**The service's scene has changed; here is the former one. Start the viewer again.**"
 """Shown as soon as the service serves another scene."""
+_END = 1.0
+"""Longest time that a thread has to end [s]; it ends with the process at the latest."""
 STALE = 1.0
 """An estimate that is older is not shown [s]."""
 
@@ -97,10 +99,10 @@ class LiveSource:
         return ""
 
     def close(self) -> None:
-        """Stop reading."""
+        """Stop reading. A service that does not answer is not waited for."""
         self._over.set()
         for thread in self._threads:
-            thread.join()
+            thread.join(_END)
 
     def _read(self) -> None:
         address = f"{self._calls.url.replace('http', 'ws', 1)}/v1/stream?rate={RATE:g}"

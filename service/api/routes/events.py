@@ -94,10 +94,11 @@ async def event_stream(
         leaving = asyncio.create_task(_until_gone(websocket))
         while not leaving.done():
             news.clear()
+            last = journal.last  # what comes while the file is read is not in the damaged part
             try:
                 batch = await asyncio.to_thread(journal.since, seen, _BATCH)
             except JournalError as error:
-                seen, batch = journal.last, []
+                seen, batch = last, []
                 refusal = ErrorOut(errors=[FieldError(field="since", reason=str(error))])
                 await websocket.send_text(refusal.model_dump_json())
             for body in batch:

@@ -5,6 +5,7 @@ import errno
 import http.client
 import socket
 import ssl
+import threading
 import time
 import urllib.error
 import urllib.request
@@ -93,6 +94,26 @@ def test_a_service_that_has_ended_is_told_without_python() -> None:
         assert until(lambda: "the service cannot be heard, trying again: Connection refused" in source.note())
         assert until(lambda: source.frame().estimate is None)
     finally:
+        source.close()
+
+
+def test_it_ends_though_the_service_does_not_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C took as long as the time limits of requests."""
+    asked, answers = threading.Event(), threading.Event()
+
+    def health(_: ServiceCalls) -> None:
+        asked.set()
+        assert answers.wait(60.0)
+        raise LiveError("late")
+
+    monkeypatch.setattr(ServiceCalls, "health", health)
+    with service(PUSH) as (url, _):
+        source = LiveSource(ServiceCalls(url))
+        assert asked.wait(30.0)
+        source.close()
+        assert not answers.is_set()
+        assert any(thread.is_alive() for thread in source._threads)
+        answers.set()
         source.close()
 
 

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from fastapi import FastAPI
@@ -17,7 +18,7 @@ from contactsense.service.api.app import create_app
 from contactsense.service.api.http import errors
 from contactsense.service.api.routes.events import router
 from contactsense.service.api.settings import Settings, SettingsError
-from contactsense.service.events.journal import Journal, JournalSettings
+from contactsense.service.events.journal import Journal, JournalError, JournalSettings
 from contactsense.service.events.model import ContactEvent
 from contactsense.service.live.hub import Hub, Reader
 from tests.service import fakes, http
@@ -135,6 +136,29 @@ def test_a_damaged_file_is_told_and_the_stream_goes_on(tmp_path: Path) -> None:
             assert message["errors"] == [{"field": "since", "reason": told}]
             add(journal, 5000)
             assert json.loads(stream.recv(5))["contact"] == 5000
+
+
+def test_an_event_that_comes_while_a_damaged_file_is_read_is_not_lost(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read = Journal.read
+
+    def slow(journal: Journal, *query: Any) -> Any:
+        try:
+            return read(journal, *query)
+        except JournalError:
+            add(journal, 7)
+            raise
+
+    monkeypatch.setattr(Journal, "read", slow)
+    with (
+        Journal(JournalSettings(path=damaged_journal(tmp_path))) as journal,
+        serving_events(journal) as place,
+        connect(f"ws://{place}/v1/events?since=0") as stream,
+    ):
+        while "errors" not in json.loads(stream.recv(5)):
+            pass
+        assert json.loads(stream.recv(5))["contact"] == 7
 
 
 def events_of(reader: Reader, messages: int) -> list[int]:
