@@ -19,6 +19,8 @@ from contactsense.service.reactions.health import ReactionsOut
 TIMEOUT = 5.0
 """Longest time for an answer [s]."""
 FOREIGN = "this is not a contactsense service, or one of another version"
+_PROXY = (502, 503, 504)
+"""Statuses with which a proxy says that its service does not answer, or a service that it is busy."""
 Answer = TypeVar("Answer", bound=BaseModel)
 
 
@@ -27,7 +29,7 @@ class LiveError(RuntimeError):
 
 
 class AwayError(LiveError):
-    """Nothing answers there, as before a service has been started."""
+    """No service answers there, as before it has been started."""
 
 
 class UrlError(LiveError):
@@ -133,7 +135,8 @@ class ServiceCalls:
                 return bytes(answer.read())
         except urllib.error.HTTPError as error:
             hint = "; --token-file names the file with its token" if error.code == 401 else ""
-            raise LiveError(f"{self.url}{path}: {error.code} {_reason(error)}{hint}") from None
+            kind = AwayError if error.code in _PROXY else LiveError
+            raise kind(f"{self.url}{path}: {error.code} {_reason(error)}{hint}") from None
         except (OSError, http.client.HTTPException) as error:
             reason = getattr(error, "reason", error)
             kind = AwayError if _is_away(reason) else LiveError
@@ -167,4 +170,4 @@ def _reason(error: urllib.error.HTTPError) -> str:
     try:
         return "; ".join(str(each["reason"]) for each in json.loads(error.read())["errors"])
     except (ValueError, KeyError, TypeError, OSError):
-        return f"{error.reason}: {FOREIGN}"
+        return str(error.reason) if error.code in _PROXY else f"{error.reason}: {FOREIGN}"

@@ -225,6 +225,15 @@ def test_another_kind_of_server_is_told() -> None:
                 call(ServiceCalls(f"http://{address}{path}"))
 
 
+def test_a_proxy_whose_service_does_not_answer_is_told() -> None:
+    """It was said to be no contactsense service."""
+    app = FastAPI()
+    app.get("/v1/scene")(lambda: PlainTextResponse("nothing there", 502))
+    with serving(app) as address, pytest.raises(AwayError) as caught:
+        ServiceCalls(f"http://{address}").scene()
+    assert str(caught.value) == f"http://{address}/v1/scene: 502 Bad Gateway"
+
+
 @pytest.mark.parametrize("answers", [(), (b"( -1.000000 )\n",)])
 def test_a_server_without_http_is_told(answers: tuple[bytes, ...]) -> None:
     """A service that serves TLS hangs up; ports of robot programs and of the robot answer."""
