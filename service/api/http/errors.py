@@ -55,6 +55,7 @@ def install(app: FastAPI) -> None:
     app.add_exception_handler(WebSocketRequestValidationError, _refuse_stream)
     app.add_exception_handler(FieldRefusedError, _refuse_field)
     app.add_exception_handler(HTTPException, _http_error)
+    app.add_exception_handler(Exception, _fault)
 
 
 def _errors(status: int, errors: list[FieldError], headers: Mapping[str, str] | None = None) -> JSONResponse:
@@ -125,3 +126,11 @@ async def _http_error(request: Request, error: Exception) -> Response:
         text = "expected a body in JSON: text in UTF-8, not nested deeply"
     field = error.field if isinstance(error, BodyObjectError) else ""
     return _errors(error.status_code, [FieldError(field=field, reason=text)], error.headers)
+
+
+async def _fault(_: Request, error: Exception) -> Response:
+    """An error that nobody expected: the server logs it."""
+    reason = (
+        f"{type(error).__name__} in the service, a fault of the program; the log of the service says more"
+    )
+    return _errors(500, [FieldError(field="", reason=reason)])
