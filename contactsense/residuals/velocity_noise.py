@@ -36,10 +36,11 @@ could be much too small by chance."""
 LARGEST_FIRST_NOISE = 0.03
 """Standard deviation of the velocity that the first samples can show [rad/s]. More is a wrong value, which a
 joint that is at rest afterwards would remember."""
-REFRESH_TIME, REFRESH_CHANGE, REFRESH_SHARE = 0.02, 1.2, 0.8
-"""What depends on the noise and the posture is worked out again after this time [s], in which no link moves
-far, when the sum of the variances has changed by this factor, or for a change of the accelerations of which
-the share in D^2 is larger than this."""
+REFRESH_TIME, REFRESH_CHANGE, REFRESH_SHARE = 0.01, 1.2, 0.8
+"""What depends on the noise and the posture is worked out again after this time [s], when the sum of the
+variances has changed by this factor, or for a change of the accelerations of which the share in D^2 is larger
+than this. In twice the time a fast arm turns so far that the noise of its velocities has other directions
+than are known, in which a sensor may be far more precise."""
 LEAST_VARIANCE = 1e-30
 """Where velocities have no noise at all [rad^2/s^2]."""
 _NONE = (0.0, 0.0, 0.0)
