@@ -20,13 +20,12 @@ from contactsense.scene_model.reading_limits import (
     USUAL_PUSH,
     reading_limits,
 )
-from contactsense.sensors.settings import WrenchSensor
+from contactsense.sensors.settings import COMPONENTS, WrenchSensor
 
 _WEIGHT_LEVER = 0.5
 """Moments are compared with the arm's weight at this lever [m]."""
 _TURNED = " with the opposite sign (base_wrench.sign)"
 _NO_FORCE = [0.0, 0.0, 0.0]
-_COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 
 
 class Implausible(NamedTuple):
@@ -267,7 +266,7 @@ def _first(field: str, wrench: np.ndarray, limits: list[float], what: str) -> Im
     values, least = wrench.tolist(), min(limits)
     if -least < min(values) and max(values) < least:
         return None
-    for name, value, limit in zip(_COMPONENTS, values, limits, strict=True):
+    for name, value, limit in zip(COMPONENTS, values, limits, strict=True):
         if abs(value) >= limit:
             unit = "N" if name[0] == "f" else "Nm"
             return Implausible(

@@ -41,6 +41,9 @@ in `fields`;
 is useful for tests only.
 """
 
+COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
+"""Names of the values of a force/torque sensor, in their order."""
+
 CURRENTS: tuple[JointTorqueSignal, ...] = ("actual_current", "actual_current_minus_target")
 """Signals in A, which `torque_constants` turn into torques."""
 

@@ -22,7 +22,13 @@ from contactsense.scene_model.arm_weight import ArmWeight
 from contactsense.scene_model.link_prior import area_share, link_probability
 from contactsense.scene_model.scene_surfaces import scene_surfaces, touchable_links
 from contactsense.scene_model.wrench_map import WrenchMap
-from contactsense.sensors.settings import JointTorqueSensor, LinkWrenchSensor, Meaning, WrenchSensor
+from contactsense.sensors.settings import (
+    COMPONENTS,
+    JointTorqueSensor,
+    LinkWrenchSensor,
+    Meaning,
+    WrenchSensor,
+)
 from contactsense.service.scene.link_reading_at_rest import link_reading_at_rest
 from contactsense.service.scene.load_warnings import load_warnings, weightless_tool
 
@@ -32,7 +38,6 @@ _MEANINGS: dict[Meaning, str] = {
     "external": "the torque of contacts alone",
 }
 """What the value of `joint_torque.meaning` says."""
-COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 
 
 class Line(NamedTuple):

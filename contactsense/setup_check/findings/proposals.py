@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from contactsense.kinematics.regressor import bodies_of
 from contactsense.robots.rotations import rpy_from_rotation
 from contactsense.scene import Scene, WrenchSensor
+from contactsense.sensors.settings import COMPONENTS
 from contactsense.setup_check.hypotheses.all_hypotheses import (
     meant_signal,
     mounting_mistakes,
@@ -128,8 +129,9 @@ def _sensor(line: Line, setup: SensorSetup) -> str:
     if line.endswith(SCALE):
         force, moment = _sizes(setup.order)
         return f"{force:.3g} per N, {moment:.3g} per Nm"
-    names = ("fx", "fy", "fz", "mx", "my", "mz")
-    parts = [("-" if row.sum() < 0.0 else "") + names[int(np.argmax(np.abs(row)))] for row in setup.order]
+    parts = [
+        ("-" if row.sum() < 0.0 else "") + COMPONENTS[int(np.argmax(np.abs(row)))] for row in setup.order
+    ]
     if line.endswith(VECTOR_ORDER):
         return "force first" if "f" in parts[0] else "moment first"
     force_first = "f" in parts[0]

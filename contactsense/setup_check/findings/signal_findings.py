@@ -8,6 +8,7 @@ import numpy as np
 
 from contactsense.calibration.free_motion import FreeMotion
 from contactsense.scene import Scene
+from contactsense.sensors.settings import COMPONENTS
 from contactsense.setup_check.lines import (
     FROZEN_TORQUES,
     FROZEN_VALUES,
@@ -20,7 +21,6 @@ from contactsense.setup_check.lines import (
 )
 from contactsense.setup_check.result import Finding
 
-_COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 _LASTS = 1.0
 """No sensor has the same reading for so long [s] while the arm moves: its noise alone changes it."""
 _SAME = 1e-9
@@ -98,7 +98,7 @@ def frozen_findings(
         found.append(_frozen_finding(FROZEN_TORQUES, names, remark, bool(tells)))
     for field in wrench_fields(scene):
         if field in there:
-            names, tells = ", ".join(_COMPONENTS[c] for c in sensors.get(field, ())), moves(field).any()
+            names, tells = ", ".join(COMPONENTS[c] for c in sensors.get(field, ())), moves(field).any()
             found.append(_frozen_finding(signal_line(field, FROZEN_VALUES), names, remark, bool(tells)))
     return found
 
