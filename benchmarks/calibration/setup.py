@@ -136,6 +136,7 @@ def real(folder: Path) -> dict[str, Any]:
         result[name] = {
             "does not fit": proposals,
             "unexplained": list(found.unexplained),
+            "left out": len(found.contacts),
             "cannot be told": len(untold),
             "lines": len(found.findings),
         }
@@ -148,6 +149,7 @@ def _print_real(result: dict[str, Any], as_json: bool) -> None:
         return
     for name, said in result.items():
         told = "; ".join(said["does not fit"] + said["unexplained"]) or "nothing contradicts the scene"
+        told += f"; {said['left out']} stretches left out" if said["left out"] else ""
         click.echo(f"{name}: {told}; {said['cannot be told']} of {said['lines']} lines are undetermined")
 
 

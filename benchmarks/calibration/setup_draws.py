@@ -4,6 +4,7 @@ The dynamics are the mock's, which share no code with the estimator's. The arm's
 robot's data, and every cell has its own mounting, tool, sensor frame, biases and friction.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,7 +18,7 @@ from contactsense.benchmarks.calibration.link_sensor_draws import (
     direction,
     with_sensor,
 )
-from contactsense.benchmarks.calibration.simulate import Motion, arm_of, simulate
+from contactsense.benchmarks.calibration.simulate import Motion, Push, arm_of, simulate
 from contactsense.calibration import FreeMotion
 from contactsense.calibration.motion.fourier_trajectory import FourierTrajectory
 from contactsense.robots.rotations import rpy_from_rotation
@@ -131,8 +132,10 @@ def cell(arm: str, rng: np.random.Generator) -> Scene:
     return Scene(robot=arm, mounting=mounting, tool=tool, base_wrench=base, joint_torque=torque)
 
 
-def recorded(truth: Scene, rng: np.random.Generator, settings: Settings) -> FreeMotion:
-    """Readings of an arm whose links differ from the robot's data."""
+def recorded(
+    truth: Scene, rng: np.random.Generator, settings: Settings, pushes: Sequence[Push] = ()
+) -> FreeMotion:
+    """Readings of an arm whose links differ from the robot's data, and on which something may push."""
     motion: Motion
     if settings.postures:
         motion = Postures(_CENTER + rng.uniform(-0.8, 0.8, (settings.postures, 6)), settings.seconds)
@@ -149,7 +152,7 @@ def recorded(truth: Scene, rng: np.random.Generator, settings: Settings) -> Free
             tensor=tuple(float(tensor[i, j]) for i in range(3) for j in range(i, 3)),
         )
     real = truth.model_copy(update={"inertia": inertia})
-    return simulate(real, motion, int(rng.integers(1 << 31)), settings.rate)
+    return simulate(real, motion, int(rng.integers(1 << 31)), settings.rate, pushes=pushes)
 
 
 def _base(scene: Scene, **changes: object) -> Scene:

@@ -1,11 +1,7 @@
 """Calibration of friction, payload, sensors and noise from contact-free motion. No input or output."""
 
-from contactsense.calibration.calibrate import (
-    CalibrationError,
-    Settings,
-    calibrate,
-    default_groups,
-)
+from contactsense.calibration.calibrate import calibrate
+from contactsense.calibration.contact_free_fit import CalibrationError, Settings, default_groups
 from contactsense.calibration.contacts.contact_test import SuspectedContact
 from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.result import Calibration, ResidualStatistics, Value

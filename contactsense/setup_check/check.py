@@ -45,6 +45,7 @@ from contactsense.setup_check.lines import (
     torque_lines,
     wrench_fields,
 )
+from contactsense.setup_check.recorded_contacts import used_samples, without_contacts
 from contactsense.setup_check.result import FITS_BETTER, NOT_RECORDED, Finding, SetupCheck, Verdict
 from contactsense.setup_check.search.candidate import Candidate
 from contactsense.setup_check.search.change import groups
@@ -58,8 +59,10 @@ from contactsense.setup_check.usable_recordings import (
     AT_RANGE,
     FROZEN,
     TOO_SHORT,
+    CheckError,
     check_joints,
     check_usable,
+    check_values,
     sensors_too_short,
 )
 
@@ -72,7 +75,10 @@ need."""
 
 
 def check(
-    scene: Scene, recordings: list[FreeMotion], progress: Callable[[str], None] = lambda _: None
+    scene: Scene,
+    recordings: list[FreeMotion],
+    progress: Callable[[str], None] = lambda _: None,
+    leave_out_contacts: bool = True,
 ) -> SetupCheck:
     """Check a scene against recordings of contact-free motion, or of some postures.
 
@@ -81,6 +87,8 @@ def check(
         recordings: Read under this scene; the base sensor's readings not shifted by its delay. A sensor that
             is at its range is not used. Each sensor is judged from the recordings that have it.
         progress: Called with the name of the next stage.
+        leave_out_contacts: Whether stretches in which something seems to push on the arm are left out, where
+            something contradicts the scene.
 
     Raises:
         CheckError: The recordings are too short, or lack all sensors of the scene.
@@ -89,6 +97,23 @@ def check(
     check_scene(scene)
     check_recordings(recordings)
     check_joints(scene, recordings)
+    check_values(scene, recordings)
+    recordings = used_samples(recordings)
+    found = _checked(scene, recordings, progress)
+    if found.fits or not leave_out_contacts:
+        return found
+    progress("contacts")
+    rest = without_contacts(scene, recordings)
+    if not rest.contacts:
+        return found
+    try:
+        return replace(_checked(scene, rest.recordings, progress), contacts=rest.contacts)
+    except CheckError:  # too little is left
+        return replace(found, contacts=rest.contacts, contacts_left_out=False)
+
+
+def _checked(scene: Scene, recordings: list[FreeMotion], progress: Callable[[str], None]) -> SetupCheck:
+    """The check of all that was recorded; arguments and errors as for `check`."""
     saturated = saturated_sensors(scene, recordings)
     recordings = [without(part, saturated) for part in recordings]
     still = frozen_joints(scene, recordings)

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+from contactsense.calibration.contacts.contact_test import SuspectedContact
 from contactsense.setup_check.lines import Line
 
 Verdict = Literal["fits", "does_not_fit", "cannot_tell"]
@@ -87,6 +88,11 @@ class SetupCheck:
     friction: tuple[float, ...] | None = None
     """Coulomb friction of each joint in the joint torques [Nm], where the scene states none, nothing
     contradicts it, and a stream would take that for a contact; else None. `calibrate` estimates it."""
+    contacts: tuple[SuspectedContact, ...] = ()
+    """Stretches in which something seems to push on the arm, as `calibrate` finds them; looked for where
+    something contradicts the scene."""
+    contacts_left_out: bool = True
+    """Whether all else is said of the motion without them; False: that would be too little."""
 
     @property
     def fits(self) -> bool:

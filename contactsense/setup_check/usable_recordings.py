@@ -7,6 +7,7 @@ import numpy as np
 
 from contactsense.calibration.free_motion import FreeMotion
 from contactsense.calibration.residuals.recording_residuals import GAP
+from contactsense.plausibility.plausible_limits import PlausibleLimits
 from contactsense.scene import Scene
 from contactsense.setup_check.lines import recorded_sensors, sensors_in
 from contactsense.setup_check.terms.instants import instants
@@ -14,6 +15,8 @@ from contactsense.setup_check.terms.instants import instants
 FROZEN, AT_RANGE = "its readings stay the same", "the sensor is at its range"
 TOO_SHORT = "it was recorded for less than 3 s"
 """Why a sensor is not used."""
+_LARGEST_UNIT = 1e5
+"""Torques in no unit exceed the joints' limits by more than this: those in Nmm do so by up to 1000."""
 _MIN_ROWS = 7
 """Fewer instants are not enough."""
 
@@ -30,6 +33,25 @@ def check_joints(scene: Scene, recordings: list[FreeMotion]) -> None:
             raise CheckError(
                 f"{part.name}: expected {joints} joints, as {scene.robot.name} has, got {part.q.shape[1]}"
             )
+
+
+def check_values(scene: Scene, recordings: list[FreeMotion]) -> None:
+    """Refuse values that no mistake explains: raise a CheckError that names the first joint whose positions
+    are beyond its limits in rad and in degrees, or whose torque no unit makes so large."""
+    limits = PlausibleLimits(scene)
+    for part in recordings:
+        for row in (part.q.min(axis=0), part.q.max(axis=0)):
+            for alone in np.diag(row):
+                found = limits.position(alone)
+                if found is not None and limits.position(np.radians(alone)) is not None:
+                    expected = found.reason.replace("in rad, ", "in rad, or as much in degrees, ").partition(
+                        ";"
+                    )[0]
+                    raise CheckError(f"{part.name}: {found.field}: {expected}")
+        if part.torque is not None:
+            found = limits.torque(np.abs(part.torque).max(axis=0), _LARGEST_UNIT)
+            if found is not None:
+                raise CheckError(f"{part.name}: {found.field}: {found.reason}")
 
 
 def check_usable(

@@ -22,7 +22,8 @@ from contactsense.robots.files.whole_file import write_text
 from contactsense.robots.files.yaml_fields import Dumper, read_fields
 from contactsense.scene import Scene, SceneError
 from contactsense.service.cli.calibration_doubts import doubts
-from contactsense.service.cli.calibration_page import Section, channels, page, reasons_against
+from contactsense.service.cli.calibration_page import Section, page, reasons_against
+from contactsense.service.cli.contact_lines import channels
 from contactsense.service.cli.options.output_file import check_no_input, check_writable
 from contactsense.service.cli.options.recordings_once import each_once
 from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError

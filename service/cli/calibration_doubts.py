@@ -16,6 +16,7 @@ from contactsense.sensors.field_checks import carried_by
 from contactsense.service.scene.load_warnings import load_warnings, tensor_warnings
 from contactsense.service.sensors.signal_mapping import TorqueMap
 from contactsense.setup_check import CheckError, Line, check
+from contactsense.setup_check.findings.unexplained import NOT_EXPLAINED
 
 ESTIMATED: tuple[Line, ...] = (
     "mounting", "tool", "tool.mass", "tool.com", ".rpy", ".translation", ".delay", ".bias",
@@ -39,9 +40,11 @@ def doubts(found: Calibration, scene: Scene, recordings: list[FreeMotion]) -> tu
     links = scene.robot.links if found.inertia else ()
     estimated = (*ESTIMATED, *(f"inertia.{link.name}" for link in links))
     named: set[str] = set()
+    unexplained: tuple[str, ...] = ()
     for checked, corrected in ((scene, estimated), (found.scene, ())):
         try:
-            result = check(checked, [as_read_with(checked, scene, part) for part in free])
+            parts = [as_read_with(checked, scene, part) for part in free]
+            result = check(checked, parts, leave_out_contacts=False)
         except (CheckError, ValueError):  # such as too short a motion: nothing is known
             continue
         wrong = [
@@ -51,6 +54,10 @@ def doubts(found: Calibration, scene: Scene, recordings: list[FreeMotion]) -> tu
             text = f"{item.line}: got {item.stated}; {item.proposed} would fit"
             reasons.append(f"{text} ({item.remark})" if item.remark else text)
         named.update(item.line for item in wrong)
+        unexplained = result.unexplained
+    # What the scene before leaves, calibration may explain: friction of another kind, say.
+    if unexplained:
+        reasons.append(f"{NOT_EXPLAINED}: {'; '.join(unexplained)}")
     return tuple(dict.fromkeys(reasons))
 
 

@@ -11,6 +11,14 @@ from contactsense.calibration.fit.gauss_newton import NOT_ESTIMATED
 from contactsense.calibration.parameters import OPTIONAL_FRICTION
 from contactsense.calibration.result import CHANGED
 from contactsense.scene import Scene
+from contactsense.service.cli.contact_lines import (
+    COMPONENTS,
+    LEFT_OUT,
+    LOOK_AT_THEM,
+    channels,
+    contact_lines,
+    unit_of,
+)
 from contactsense.setup_check.findings.unexplained import ARM_LEVER, UNEXPLAINED_SHARE
 
 _TITLES = {
@@ -35,7 +43,6 @@ _PLACES = {"turn": "rpy", "link_turn": "rpy", "shift": "translation", "link_shif
 """Fields of a sensor to which a group is a correction."""
 _WRONG = 2.0
 """A fit whose residual of any equation is this many times that of the scene has gone wrong."""
-_COMPONENTS = ("force x", "force y", "force z", "moment x", "moment y", "moment z")
 
 
 @dataclass(frozen=True)
@@ -44,13 +51,6 @@ class Section:
 
     title: str
     lines: tuple[str, ...]
-
-
-def channels(scene: Scene) -> tuple[str, ...]:
-    """Names of all equations: joints, base sensor, sensors within the arm."""
-    joints = tuple(joint.name for joint in scene.robot.joints)
-    places = ("base", *scene.link_sensors)
-    return joints + tuple(f"{place} {component}" for place in places for component in _COMPONENTS)
 
 
 def page(
@@ -66,31 +66,12 @@ def page(
     """
     names = channels(scene)
     sections = [
-        Section("Left out: something seems to push on the arm", _contacts(found, names)),
+        Section(LEFT_OUT, contact_lines(found.contacts, scene)),
         Section("What changed", _changes(found, scene)),
         Section("What it means", _meaning(found, names)),
         Section("What to do next", _next_steps(found, written, against)),
     ]
     return tuple(section for section in sections if section.lines)
-
-
-def _contacts(found: Calibration, names: tuple[str, ...]) -> tuple[str, ...]:
-    lines = []
-    for contact in found.contacts:
-        felt = ", ".join(
-            f"{names[channel]} ({peak:.3g} {unit_of(names[channel])})"
-            for channel, peak in list(zip(contact.channels, contact.peak, strict=True))[:3]
-        )
-        lines.append(
-            f"{contact.recording}: {contact.start:.2f} to {contact.stop:.2f} s "
-            f"(rows {contact.first_row} to {contact.last_row}), seen in {felt or 'all together'}"
-        )
-    return tuple(lines)
-
-
-def unit_of(channel: str) -> str:
-    """Unit of the residual of an equation, by its name."""
-    return "N" if " force " in channel else "Nm"
 
 
 def _changes(found: Calibration, scene: Scene) -> tuple[str, ...]:
@@ -202,7 +183,7 @@ def _unexplained(found: Calibration, names: tuple[str, ...]) -> list[str]:
     scene = found.scene
     weight = scene.gravity * (scene.robot.mass + scene.tool_inertia.mass)
     limit = UNEXPLAINED_SHARE * weight
-    limits = {f"base {name}": limit * (ARM_LEVER if "moment" in name else 1.0) for name in _COMPONENTS}
+    limits = {f"base {name}": limit * (ARM_LEVER if "moment" in name else 1.0) for name in COMPONENTS}
     return [
         f"{name} ({rms:.3g} {unit_of(name)})"
         for name, rms in zip(names, found.after.rms, strict=True)
@@ -217,8 +198,8 @@ def reasons_against(found: Calibration, doubts: tuple[str, ...]) -> tuple[str, .
     """
     names = channels(found.scene)
     reasons = [
-        f"do not use this scene: {text}. Correct the scene before, which `contactsense check` checks, and "
-        "calibrate again"
+        f"do not use this scene: {text}. Run `contactsense check` on the scene before, correct what "
+        "it names, and calibrate again"
         for text in doubts
     ]
     known = np.isfinite(found.after.rms)
@@ -239,10 +220,7 @@ def reasons_against(found: Calibration, doubts: tuple[str, ...]) -> tuple[str, .
 def _next_steps(found: Calibration, written: Path | None, against: tuple[str, ...]) -> tuple[str, ...]:
     steps = [*against, *(warning for warning in found.warnings if not warning.endswith(NOT_ESTIMATED))]
     if found.contacts:
-        steps.append(
-            "look at the stretches that were left out: a hand, a cable, a hard stop. If nothing was there, "
-            "--keep-contacts uses them"
-        )
+        steps.append(LOOK_AT_THEM)
     # Beside a wrong line even the best motion does not excite, and `excite` does not seek load and lubricant.
     sought = [v for v in found.values if v.entry.group not in OPTIONAL_FRICTION]
     unexcited = sorted({v.entry.name for v in sought if v.kept.startswith("not excited")})

@@ -10,7 +10,8 @@ from contactsense.calibration.calibration_model import CalibrationModel
 from contactsense.calibration.residuals.equations import all_residuals
 from contactsense.scene import Scene
 from contactsense.service.cli.calibration_doubts import as_read_with
-from contactsense.service.cli.calibration_page import Section, channels, unit_of
+from contactsense.service.cli.calibration_page import Section
+from contactsense.service.cli.contact_lines import channels, unit_of
 from contactsense.service.drawing.figure_style import figure_style
 
 _DOTS = 4000

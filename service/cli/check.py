@@ -14,6 +14,7 @@ from contactsense.calibration import FreeMotion
 from contactsense.scene import Scene, SceneError
 from contactsense.service.api.sample_source import reader_settings
 from contactsense.service.api.settings import Settings, SettingsError
+from contactsense.service.cli.contact_lines import LEFT_OUT, LOOK_AT_THEM, contact_lines
 from contactsense.service.cli.options.finite_range import FiniteRange
 from contactsense.service.cli.options.option_names import as_options
 from contactsense.service.cli.options.recordings_once import each_once
@@ -25,6 +26,7 @@ from contactsense.service.sensors.clients.robot_stream import SensorError
 from contactsense.service.sensors.live_free_motion import read_live_motion
 from contactsense.setup_check import CheckError, Finding, Residuals, SetupCheck
 from contactsense.setup_check import check as run
+from contactsense.setup_check.findings.unexplained import NOT_EXPLAINED
 from contactsense.setup_check.result import FITS_BETTER, NOT_RECORDED
 
 _VERDICTS = {
@@ -33,6 +35,10 @@ _VERDICTS = {
     "cannot_tell": "[yellow]undetermined[/]",
 }
 
+_NOT_LEFT_OUT = (
+    "Something seems to push on the arm, for too long to be left out, and may be the reason for all that "
+    "does not fit: repeat without contact"
+)
 _UNITS = {
     "mounting": "rad",
     "tool.mass": "kg",
@@ -60,6 +66,9 @@ _UNITS = {
     show_default=True,
     help="How long to read the robot [s].",
 )
+@click.option(
+    "--keep-contacts", is_flag=True, help="Use stretches, too, in which something seems to push on the arm."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the result for a program.")
 @click.pass_context
 def check(
@@ -69,12 +78,14 @@ def check(
     recordings: tuple[Path, ...],
     columns: str | None,
     seconds: float,
+    keep_contacts: bool,
     as_json: bool,
     **source: Any,
 ) -> None:
     """Check SCENE against RECORDINGS, or a live robot, of slow motion or some postures without contact.
 
     Each line of the scene fits, or does not fit and another value would, or is undetermined by this motion.
+    Where something contradicts the scene, stretches in which something seems to push on the arm are left out.
     Exit status: 0 nothing contradicts the scene, 1 something does, 2 the input cannot be used.
     """
     given = {name: value for name, value in source.items() if value is not None}
@@ -104,7 +115,7 @@ def check(
                         lambda t: status.update(f"reading the robot: {t:.0f} of {seconds:.0f} s"),
                     )
                 ]
-            found = run(scene, parts, lambda text: status.update(f"checking: {text}"))
+            found = run(scene, parts, lambda text: status.update(f"checking: {text}"), not keep_contacts)
     except (
         SceneError, SettingsError, SensorError, RecordingError, MappingError, CheckError, ValueError,
     ) as error:  # fmt: skip
@@ -112,7 +123,7 @@ def check(
     if as_json:
         click.echo(json.dumps(as_plain(found), indent=1))
     else:
-        print_check(found, Console())
+        print_check(found, scene, Console())
     ctx.exit(0 if found.fits else 1)
 
 
@@ -134,8 +145,9 @@ def as_plain(found: SetupCheck) -> dict[str, Any]:
     return {"fits": found.fits, **asdict(found)}
 
 
-def print_check(found: SetupCheck, console: Console) -> None:
-    """Print the result for a person."""
+def print_check(found: SetupCheck, scene: Scene, console: Console) -> None:
+    """Print the result for a person; `scene`: the one that was checked."""
+    _print_contacts(found, scene, console)
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for heading in ("line", "scene", "verdict"):
         table.add_column(heading, overflow="fold")
@@ -150,7 +162,7 @@ def print_check(found: SetupCheck, console: Console) -> None:
             text = f"{item.line}: {_with_unit(item.line, item.remark)}"
             console.print(text, highlight=False, markup=False, soft_wrap=True)
     if found.unexplained:
-        console.print("Not explained by any of these lines (a contact, another signal, a fault?):")
+        console.print(f"{NOT_EXPLAINED[0].upper()}{NOT_EXPLAINED[1:]}:", soft_wrap=True)
         for text in found.unexplained:
             console.print(f"  {text}", highlight=False, markup=False)
     _print_advice(found, console)
@@ -182,8 +194,21 @@ def print_check(found: SetupCheck, console: Console) -> None:
         )
 
 
+def _print_contacts(found: SetupCheck, scene: Scene, console: Console) -> None:
+    """Print where something seems to push on the arm."""
+    if found.contacts:
+        console.print(LEFT_OUT if found.contacts_left_out else _NOT_LEFT_OUT, style="bold", soft_wrap=True)
+    for text in contact_lines(found.contacts, scene):
+        console.print(f"- {text}", highlight=False, markup=False, soft_wrap=True)
+
+
 def _print_advice(found: SetupCheck, console: Console) -> None:
-    """Print what would determine the lines that are not."""
+    """Print whether something was left out that should be looked at, and what would determine the lines that
+    are not."""
+    if not found.contacts_left_out:
+        return
+    if found.contacts:
+        console.print(f"{LOOK_AT_THEM[0].upper()}{LOOK_AT_THEM[1:]}.", highlight=False, soft_wrap=True)
     recorded = [item for item in found.findings if item.remark != NOT_RECORDED]
     untold = [item for item in recorded if item.verdict == "cannot_tell"]
     if untold and len(untold) == len(recorded) and found.unexplained:

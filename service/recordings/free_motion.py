@@ -1,5 +1,6 @@
 """Recordings of contact-free motion, in the form that calibration needs."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,11 @@ from contactsense.service.recordings.time_extent import UNORDERED, UNORDERED_ADV
 
 _SHORTEST = 3
 """Minimum number of samples between two clock resets; shorter sections are not used."""
+_MOTION = {"q", "qd"}
+"""What every sample has."""
+_LASTING = 3.0
+"""Where a sensor is missing for so long [s], the samples of the others are used; more than calibration and
+check need."""
 
 
 def read_free_motion(
@@ -27,7 +33,8 @@ def read_free_motion(
     reset in between.
 
     Sensors that are missing from the file or silent throughout are omitted, and so are samples with
-    non-finite values of the others.
+    non-finite values of the others. Where one is silent for 3 s or more while others are not, that part of a
+    section is one of its own, without this sensor.
 
     Args:
         path: See `RecordingFile`.
@@ -67,18 +74,20 @@ def read_free_motion(
         )
     stretches = []
     for rows in np.split(np.arange(len(found)), resets):
-        kept = rows[finite[rows]]
-        if len(kept) >= _SHORTEST:
-            stretches.append(
-                FreeMotion(
-                    found.t[kept],
-                    found.q[kept],
-                    found.qd[kept],
-                    name=str(path),
-                    rows=found.rows[kept],
-                    **_readings({field: values[kept] for field, values in sensors.items()}),
+        for kept, there in ((rows[finite[rows]], set(sensors)), *_without_some(rows, found.t, known)):
+            if len(kept) >= _SHORTEST:
+                stretches.append(
+                    FreeMotion(
+                        found.t[kept],
+                        found.q[kept],
+                        found.qd[kept],
+                        name=str(path),
+                        rows=found.rows[kept],
+                        **_readings(
+                            {field: values[kept] for field, values in sensors.items() if field in there}
+                        ),
+                    )
                 )
-            )
     if not stretches:
         # One value that is never there, such as that of a joint whose column is text, costs every row.
         absent = [field for field, rows in known.items() if len(rows) and not rows.any()]
@@ -100,6 +109,22 @@ def read_free_motion(
         for field in sorted(silent)
     )
     return stretches, (*found.problems, *left_out)
+
+
+def _without_some(
+    rows: np.ndarray, t: np.ndarray, known: Mapping[str, np.ndarray]
+) -> list[tuple[np.ndarray, set[str]]]:
+    """Rows in succession in which the same sensors, but not all of them, have their values for `_LASTING`,
+    with these sensors; `rows`: those of one section, `known`: where each signal has its values, bool."""
+    state = np.array([values[rows] for values in known.values()])
+    changes = np.flatnonzero((np.diff(state, axis=1) != 0).any(axis=0)) + 1
+    found = []
+    for run in np.split(rows, changes):
+        there = {field for field, values in known.items() if len(run) and values[run[0]]}
+        own = there - _MOTION
+        if there >= _MOTION and own and len(there) < len(known) and t[run[-1]] - t[run[0]] >= _LASTING:
+            found.append((run, own))
+    return found
 
 
 def _readings(sensors: dict[str, np.ndarray]) -> dict[str, Any]:

@@ -155,9 +155,10 @@ def test_what_was_left_out_as_a_contact_is_no_reason_for_doubts(
     """Clocks of robots do not begin at zero, and a recording may have several stretches."""
     checked: list[FreeMotion] = []
 
-    def check(_: Scene, parts: list[FreeMotion]) -> SimpleNamespace:
+    def check(_: Scene, parts: list[FreeMotion], leave_out_contacts: bool) -> SimpleNamespace:
+        assert not leave_out_contacts
         checked.extend(parts)
-        return SimpleNamespace(wrong=())
+        return SimpleNamespace(wrong=(), unexplained=())
 
     monkeypatch.setattr(calibration_doubts, "check", check)
     scene = Scene.load(folder / "scene.yaml")
@@ -181,11 +182,11 @@ def test_a_line_that_is_wrong_before_and_after_is_named_once(
 ) -> None:
     proposals = iter(("997 per Nm", "999 per Nm"))
 
-    def check(*_: object) -> SimpleNamespace:
+    def check(*_: object, leave_out_contacts: bool) -> SimpleNamespace:
         item = SimpleNamespace(
             line="joint torques: scale", stated="1 per Nm", proposed=next(proposals), remark=""
         )
-        return SimpleNamespace(wrong=(item,))
+        return SimpleNamespace(wrong=(item,), unexplained=())
 
     monkeypatch.setattr(calibration_doubts, "check", check)
     scene = Scene.load(folder / "scene.yaml")

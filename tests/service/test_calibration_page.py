@@ -5,14 +5,18 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
-from contactsense import Scene, WrenchSensor
+from contactsense import JointTorqueSensor, Scene, WrenchSensor
 from contactsense.benchmarks.calibration.simulate import simulate
 from contactsense.calibration import Settings
 from contactsense.calibration import calibrate as estimate
 from contactsense.calibration.motion.fourier_trajectory import FourierTrajectory
 from contactsense.robots.tool import Tool
+from contactsense.service.cli.calibration_doubts import doubts
 from contactsense.service.cli.calibration_page import page, reasons_against
+from contactsense.setup_check import check
+from contactsense.setup_check.findings.unexplained import NOT_EXPLAINED
 
 
 def test_a_base_sensor_that_stays_unexplained_is_not_recommended() -> None:
@@ -69,3 +73,24 @@ def test_corrections_are_told_as_the_lines_of_the_scene() -> None:
     # On a wall, roll and yaw of a small tilt may be anything.
     line = "direction of gravity: mounting [0.2473, 1.5706, 0.2473] (was wall), tilted by 0.011 degrees"
     assert line in told_of(0.0001, 0.00001, (0.2473, 1.5706, 0.2473))
+
+
+@pytest.mark.slow
+def test_torques_that_check_does_not_explain_are_a_reason_against_a_calibration() -> None:
+    """Those of another motion: no parameter explains them, and none is far from what it may be."""
+    scene = Scene(robot="ur5e", base_wrench=None, joint_torque=JointTorqueSensor(noise=0.3))
+    center = np.array([0.0, -1.3, 1.5, -1.0, 0.8, 0.0])
+    motion = FourierTrajectory.draw(np.random.default_rng(4), center, np.full(6, 0.4), 6, 8.0)
+    recording = simulate(scene, motion, 1, 125.0)
+    assert recording.torque is not None
+    reversed_in_time = replace(recording, torque=recording.torque[::-1])
+    told = {}
+    for part in (recording, reversed_in_time):
+        found = estimate(scene, [part], Settings(("bias", "coulomb"), widths=False))
+        told[part is recording] = reasons_against(found, doubts(found, scene, [part]))
+        unexplained = check(found.scene, [part]).unexplained
+        assert bool(unexplained) == (part is reversed_in_time)
+    assert told[True] == ()
+    (reason,) = told[False]
+    assert reason.startswith(f"do not use this scene: {NOT_EXPLAINED}: {unexplained[0]}")
+    assert "Run `contactsense check` on the scene before" in reason

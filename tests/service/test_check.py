@@ -13,7 +13,7 @@ from rich.console import Console
 
 from contactsense.benchmarks.calibration.link_sensor_draws import ELBOW, WRIST
 from contactsense.benchmarks.calibration.setup_draws import Settings, right_setup
-from contactsense.calibration import FreeMotion
+from contactsense.calibration import FreeMotion, SuspectedContact
 from contactsense.scene import Scene
 from contactsense.scene_model.link_sensor_frame import LinkSensorFrame
 from contactsense.sensors.link_values import as_fields, column_of
@@ -59,9 +59,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made
 
 
-def _printed(found: SetupCheck) -> str:
+def _printed(found: SetupCheck, scene: Scene | None = None) -> str:
     console = Console(file=StringIO(), width=120)
-    print_check(found, console)
+    print_check(found, scene or Scene(robot="ur5e"), console)
     assert isinstance(console.file, StringIO)
     return console.file.getvalue()
 
@@ -73,6 +73,22 @@ def test_where_nothing_can_be_told_and_residuals_remain_a_contact_is_suspected()
     assert "Something may have touched the arm: repeat without contact" in text
     assert "To determine the other lines, move more joints" not in text
     assert "To determine the other lines, move more joints" in _printed(SetupCheck(findings, left, (), 10.0))
+
+
+def test_contacts_are_named_before_the_lines() -> None:
+    findings = (Finding("mounting", "cannot_tell", "table"),)
+    contact = SuspectedContact("free.csv", 4.86, 7.29, 607, 911, (8,), (18.4,))
+    found = SetupCheck(findings, Residuals(5.0, 1.0, 2.0), (), 10.0, contacts=(contact,))
+    first, second, *rest = _printed(found).splitlines()
+    assert first == "Left out: something seems to push on the arm"
+    assert second == "- free.csv: 4.86 to 7.29 s (rows 607 to 911), seen in base force z (18.4 N)"
+    assert any("--keep-contacts uses them" in line for line in rest)
+    unexplained = ("base sensor's force z: residual 5 N",)
+    kept = replace(found, unexplained=unexplained, contacts_left_out=False)
+    first, second, *rest = _printed(kept).splitlines()
+    assert first.startswith("Something seems to push on the arm, for too long to be left out")
+    assert "free.csv: 4.86 to 7.29 s" in second
+    assert not any("move more joints" in line or "--keep-contacts" in line for line in rest)
 
 
 def test_lines_of_a_sensor_that_was_not_recorded_need_no_other_motion() -> None:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from contactsense.calibration.calibrate import CalibrationError, default_groups
+from contactsense.calibration.contact_free_fit import CalibrationError, default_groups
 from contactsense.calibration.motion.clearance import Clearance
 from contactsense.calibration.motion.expected_uncertainty import (
     ExpectedUncertainty,

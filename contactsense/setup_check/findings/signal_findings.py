@@ -20,6 +20,7 @@ from contactsense.setup_check.lines import (
     wrench_fields,
 )
 from contactsense.setup_check.result import Finding
+from contactsense.setup_check.usable_recordings import CheckError
 
 _LASTS = 1.0
 """No sensor has the same reading for so long [s] while the arm moves: its noise alone changes it."""
@@ -124,6 +125,9 @@ def velocity_finding(scene: Scene, recordings: Sequence[FreeMotion]) -> tuple[Fi
     Args:
         scene: What is checked.
         recordings: Without gaps.
+
+    Raises:
+        CheckError: The positions of some joints are in degrees, those of others are not.
     """
     moved, integral = (np.concatenate(parts) for parts in zip(*map(_movements, recordings), strict=True))
     sizes = np.sqrt(np.mean(moved**2, axis=0)), np.sqrt(np.mean(integral**2, axis=0))
@@ -136,6 +140,12 @@ def velocity_finding(scene: Scene, recordings: Sequence[FreeMotion]) -> tuple[Fi
         return Finding(VELOCITIES, "cannot_tell", "as recorded", remark=remark), wrong
     names = _named(scene, np.flatnonzero(wrong))
     reason = _reason(moved[:, wrong], integral[:, wrong])
+    others = _named(scene, np.flatnonzero((largest > _SMALL) & ~wrong))
+    if reason == _POSITIONS_IN_DEGREES and others:
+        raise CheckError(
+            f"{recordings[0].name}: q: expected the positions of all joints in one unit, got degrees for "
+            f"{names} and rad for {others}, by the velocities"
+        )
     if reason == _POSITIONS_IN_DEGREES:
         # The line on the unit of the positions corrects them, and keeps the velocities.
         return Finding(VELOCITIES, "cannot_tell", "as recorded", remark=reason), np.zeros_like(wrong)

@@ -8,6 +8,8 @@ from contactsense.setup_check.fit.fitter import Fit, Fitter
 from contactsense.setup_check.lines import label, wrench_fields
 from contactsense.setup_check.terms.motion_basis import Readings
 
+NOT_EXPLAINED = "not explained by any line of the scene (a contact, another signal, a fault?)"
+"""What is said of `unexplained_signals`."""
 _NOISE_FACTOR, _SHARE = 7.5, 0.3
 """A signal is unexplained if its residual exceeds its noise by this factor, this share of its own variation,
 and `UNEXPLAINED_SHARE`."""

@@ -302,8 +302,9 @@ def test_real_recordings_fit_and_a_load_and_a_push_are_seen() -> None:
     loaded = check(scene, [of("ur-20_01_31-load")])
     assert [item.line for item in loaded.wrong] == ["tool"]
     pushed = check(scene, [of("push_pose_1")])
-    assert not pushed.wrong
-    assert pushed.unexplained
+    assert pushed.fits
+    assert len(pushed.contacts) == 4
+    assert check(scene, [of("push_pose_1")], leave_out_contacts=False).unexplained
     recording = of("ur-20_01_31-unload")
     assert recording.torque is not None
     for line, changed, read_as in (
@@ -369,3 +370,22 @@ def test_units_of_positions_and_velocities_are_told_apart(
     found, _ = velocity_finding(case.scene, [read_as])
     assert found.verdict == verdict
     assert reason in found.remark
+
+
+def test_values_that_no_mistake_explains_are_refused() -> None:
+    """Other lines were said to fit them, such as a scale of the base sensor of 4e-8."""
+    case = right_setup("ur5e", 10, DRAWN)
+    part = case.recording
+    assert part.torque is not None
+    some = np.repeat([180.0 / np.pi, 1.0], 3)
+    far = part.q * (np.arange(6) == 2)
+    for changed, message in (
+        (replace(part, q=1e8 * far), r"q: expected .* in degrees, elbow_joint within -.* got .*e\+0[78]$"),
+        (replace(part, torque=1e9 * part.torque), r"joint_torque: expected at most 100000 times the 150 Nm"),
+        (
+            replace(part, q=some * part.q),
+            r"q: expected .* one unit, got degrees for shoulder_pan_joint, .* and rad for wrist_1_joint",
+        ),
+    ):
+        with pytest.raises(CheckError, match=message):
+            check(case.scene, [changed])

@@ -61,6 +61,24 @@ def test_samples_with_a_missing_number_are_left_out(tmp_path: Path) -> None:
     assert {problem.row_from for problem in problems} == {3, 7}
 
 
+def test_where_a_sensor_is_missing_for_long_the_others_are_used(tmp_path: Path) -> None:
+    """A sensor that was switched on late cost the torques of all rows before."""
+    made = columns()
+    made["base_wrench_2"][:10] = np.nan
+    made["base_wrench_4"][15] = np.nan
+    made["actual_q_0"][9] = np.nan
+    made = {name: np.repeat(values, 20) for name, values in made.items()}
+    made["timestamp"] = 0.02 * np.arange(20 * N)
+    write_columns(tmp_path / "a.parquet", made)
+    (whole, late), _ = read_free_motion(tmp_path / "a.parquet", SCENE)
+    assert (whole.row_of(0), whole.row_of(-1), len(whole.t)) == (200, 399, 180)
+    assert whole.reading is not None
+    assert (late.row_of(0), late.row_of(-1), len(late.t)) == (0, 179, 180)
+    assert late.reading is None
+    assert late.torque is not None
+    np.testing.assert_array_equal(late.torque, group(made, "joint_torque")[:180])
+
+
 def test_a_reset_of_the_clock_begins_a_new_stretch(tmp_path: Path) -> None:
     made = columns()
     made["timestamp"][12:] -= 50.0

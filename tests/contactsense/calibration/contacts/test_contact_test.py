@@ -10,6 +10,7 @@ from contactsense.benchmarks.calibration.coverage import CENTER, GROUPS, draw
 from contactsense.benchmarks.calibration.pushes import measure, summarize
 from contactsense.benchmarks.calibration.simulate import Push, simulate
 from contactsense.calibration import CalibrationError, FreeMotion, Settings, SuspectedContact, calibrate
+from contactsense.calibration.contact_free_fit import TooMuchContactError
 from contactsense.calibration.motion.fourier_trajectory import FourierTrajectory
 from contactsense.scene import Scene
 
@@ -77,7 +78,7 @@ def test_the_first_fit_does_not_lean_towards_pushes(monkeypatch: pytest.MonkeyPa
         seen.append(recordings)
         raise np.linalg.LinAlgError
 
-    monkeypatch.setattr(sys.modules["contactsense.calibration.calibrate"], "fit_model", first_fit)
+    monkeypatch.setattr(sys.modules["contactsense.calibration.contact_free_fit"], "fit_model", first_fit)
     scene = Scene(robot="ur5e")
     motion = FourierTrajectory.draw(np.random.default_rng(12), CENTER, np.full(6, 0.7), 8, 14.0)
     often = tuple(Push(3, (0.0, 0.0, 0.05), (0.0, 40.0, 40.0), t, t + 1.4) for t in (1, 4, 7, 10))
@@ -99,7 +100,7 @@ def test_samples_that_are_not_free_are_never_used(monkeypatch: pytest.MonkeyPatc
     touched = simulate(scene, motion, 13, 125.0, pushes=PUSHES[:1])
     given = replace(touched, free=(touched.t < 5.0) | (touched.t > 6.0))
     seen: list[np.ndarray] = []
-    module = sys.modules["contactsense.calibration.calibrate"]
+    module = sys.modules["contactsense.calibration.contact_free_fit"]
     fit, trimmed = module.fit_model, module.trimmed_fit
 
     def fit_model(start: object, recordings: list[FreeMotion], *others: object) -> object:
@@ -131,8 +132,10 @@ def test_a_recording_with_next_to_no_free_samples_is_refused() -> None:
 def test_a_recording_full_of_contact_is_refused() -> None:
     pushes = tuple(Push(3, (0.0, 0.0, 0.05), (0.0, 40.0, 40.0), t, t + 1.4) for t in (1, 4, 7, 10))
     start, touched = recorded(pushes)
-    with pytest.raises(CalibrationError, match=r"expected motion without contact, .* of 14\.0 s, first at"):
+    text = r"expected motion without contact, .* of 14\.0 s, first at"
+    with pytest.raises(TooMuchContactError, match=text) as error:
         calibrate(start, [replace(touched, name="touched.csv")], SETTINGS)
+    assert {contact.recording for contact in error.value.contacts} == {"touched.csv"}
 
 
 @pytest.mark.slow

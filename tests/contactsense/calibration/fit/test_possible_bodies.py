@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from contactsense.benchmarks.calibration.setup_draws import Settings, right_setup
-from contactsense.calibration import FreeMotion, calibrate
+from contactsense.calibration import FreeMotion, calibrate, default_groups
 from contactsense.calibration import Settings as CalibrationSettings
-from contactsense.calibration.calibrate import default_groups
 from contactsense.calibration.calibration_model import CalibrationModel
 from contactsense.calibration.fit.possible_bodies import _nearest, inertial_parameters, pseudo_inertia
 from contactsense.calibration.residuals.equations import all_residuals
