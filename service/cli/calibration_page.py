@@ -100,9 +100,25 @@ def _changes(found: Calibration, scene: Scene) -> tuple[str, ...]:
             f"constrained to the inertia that bodies have: {', '.join(found.constrained)}. The RMS of a "
             f"residual rises by up to {100.0 * rise:.1f} %"
         )
+    lines += _left_out_terms(found, joints)
     if same:
         lines.append(f"confirmed within {CHANGED:g} standard deviations: {', '.join(same)}")
     return tuple(lines)
+
+
+def _left_out_terms(found: Calibration, joints: list[str]) -> list[str]:
+    """The optional terms of friction that are not estimated, and why: one line for each term and reason."""
+    of_reason: dict[tuple[str, str], list[str]] = {}
+    for value in found.values:
+        if value.kept and value.entry.group in OPTIONAL_FRICTION and value.entry.joint is not None:
+            # Estimates that came out negative differ from joint to joint.
+            reason = value.kept.partition(NOT_ESTIMATED[0])[0].partition(" (")[0]
+            of_reason.setdefault((value.entry.group, reason), []).append(joints[value.entry.joint])
+    return [
+        f"{_TITLES[group]} is not estimated, but kept as in the scene: {reason} "
+        f"({'all joints' if len(names) == len(joints) else ', '.join(names)})"
+        for (group, reason), names in of_reason.items()
+    ]
 
 
 def _line(value: Value) -> tuple[str, str | None, str]:

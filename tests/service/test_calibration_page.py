@@ -94,3 +94,29 @@ def test_torques_that_check_does_not_explain_are_a_reason_against_a_calibration(
     (reason,) = told[False]
     assert reason.startswith(f"do not use this scene: {NOT_EXPLAINED}: {unexplained[0]}")
     assert "Run `contactsense check` on the scene before" in reason
+
+
+def test_friction_that_is_not_estimated_is_named_with_the_reason() -> None:
+    """Terms that the motion does not show were left out without a word, except by --verbose."""
+    scene = Scene(robot="ur5e", base_wrench=None, joint_torque=JointTorqueSensor(noise=0.3))
+    center = np.array([0.0, -1.3, 1.5, -1.0, 0.8, 0.0])
+    motion = FourierTrajectory.draw(np.random.default_rng(4), center, np.full(6, 0.4), 6, 8.0)
+    groups = Settings(("coulomb", "load", "lubricant"), widths=False)
+    found = estimate(scene, [simulate(scene, motion, 1, 125.0)], groups)
+
+    def told(kept: dict[str, str]) -> list[str]:
+        values = [replace(value, kept=kept.get(value.entry.name, "")) for value in found.values]
+        sections = page(replace(found, values=tuple(values)), scene, None, ())
+        (lines,) = (part.lines for part in sections if part.title == "What changed")
+        return [line for line in lines if "not estimated" in line]
+
+    joints = [joint.name for joint in scene.robot.joints]
+    small = {f"load of {name}": "not significant in the data: kept" for name in joints}
+    negative = {f"lubricant of {joints[i]}": f"came out negative (-{i} +- 1 Nm): kept" for i in (1, 2)}
+    assert told({}) == []
+    assert told(small | negative) == [
+        "load-dependent friction is not estimated, but kept as in the scene: not significant in the data "
+        "(all joints)",
+        "lubricant friction is not estimated, but kept as in the scene: came out negative "
+        "(shoulder_lift_joint, elbow_joint)",
+    ]
