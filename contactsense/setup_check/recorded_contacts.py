@@ -1,4 +1,4 @@
-"""Contacts in recordings that contradict a scene: `contactsense.calibration` finds them."""
+"""Contacts in recordings that no lines of a scene explain: `contactsense.calibration` finds them."""
 
 from typing import NamedTuple
 

@@ -90,7 +90,7 @@ class SetupCheck:
     contradicts it, and a stream would take that for a contact; else None. `calibrate` estimates it."""
     contacts: tuple[SuspectedContact, ...] = ()
     """Stretches in which something seems to push on the arm, as `calibrate` finds them; looked for where
-    something contradicts the scene."""
+    no lines explain the readings."""
     contacts_left_out: bool = True
     """Whether all else is said of the motion without them; False: that would be too little."""
 

@@ -29,6 +29,7 @@ from contactsense.service.cli.options.recordings_once import each_once
 from contactsense.service.recordings import ColumnMapping, MappingError, RecordingError
 from contactsense.service.recordings.free_motion import read_free_motion
 from contactsense.service.recordings.problem_lines import problem_lines
+from contactsense.setup_check.usable_recordings import check_values
 
 _PARTS = ("joint_torque", "base_wrench", "wrist_wrench", "link_wrenches", "mounting", "tool", "inertia")
 """Fields of a scene that calibration may change."""
@@ -132,6 +133,7 @@ def _stretches(
     found: list[FreeMotion] = []
     for recording in recordings:
         here, problems = read_free_motion(recording, scene, mapping)
+        check_values(scene, here)
         _in_radians(recording, scene, here)
         found += here
         for problem in problem_lines(problems):

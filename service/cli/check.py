@@ -85,7 +85,7 @@ def check(
     """Check SCENE against RECORDINGS, or a live robot, of slow motion or some postures without contact.
 
     Each line of the scene fits, or does not fit and another value would, or is undetermined by this motion.
-    Where something contradicts the scene, stretches in which something seems to push on the arm are left out.
+    Where no lines explain the readings, stretches in which something seems to push on the arm are left out.
     Exit status: 0 nothing contradicts the scene, 1 something does, 2 the input cannot be used.
     """
     given = {name: value for name, value in source.items() if value is not None}

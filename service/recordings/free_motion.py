@@ -88,6 +88,7 @@ def read_free_motion(
                         ),
                     )
                 )
+    stretches.sort(key=lambda part: part.row_of(0))
     if not stretches:
         # One value that is never there, such as that of a joint whose column is text, costs every row.
         absent = [field for field, rows in known.items() if len(rows) and not rows.any()]

@@ -30,7 +30,7 @@ def pushed(pushes: tuple[Push, ...], settings: Settings) -> tuple[Scene, FreeMot
 def test_a_right_scene_fits_a_motion_with_pushes(settings: Settings) -> None:
     scene, part = pushed(PUSHES, settings)
     found = check(scene, [part])
-    # They are looked for only where something contradicts the scene.
+    # They are looked for only where no lines explain the readings.
     assert found.fits
     assert found.contacts_left_out
     for push, contact in zip(PUSHES, found.contacts, strict=True):

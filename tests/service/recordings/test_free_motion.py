@@ -70,7 +70,7 @@ def test_where_a_sensor_is_missing_for_long_the_others_are_used(tmp_path: Path) 
     made = {name: np.repeat(values, 20) for name, values in made.items()}
     made["timestamp"] = 0.02 * np.arange(20 * N)
     write_columns(tmp_path / "a.parquet", made)
-    (whole, late), _ = read_free_motion(tmp_path / "a.parquet", SCENE)
+    (late, whole), _ = read_free_motion(tmp_path / "a.parquet", SCENE)
     assert (whole.row_of(0), whole.row_of(-1), len(whole.t)) == (200, 399, 180)
     assert whole.reading is not None
     assert (late.row_of(0), late.row_of(-1), len(late.t)) == (0, 179, 180)
