@@ -59,6 +59,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_columns(made / "ncm.csv", columns | scaled)
     columns |= {f"actual_q_{i}": np.degrees(stretch.q[:, i]) for i in range(6)}
     write_columns(made / "degrees.csv", columns)
+    write_columns(made / "far.csv", columns | {"actual_q_2": 1e8 * stretch.q[:, 2]})
     (made / "scene.yaml").write_text("robot: ur5e\nbase_wrench: null\ndetail: coarse\n")
     return made
 
@@ -361,6 +362,7 @@ def test_the_page_names_contacts_changes_and_next_steps(folder: Path) -> None:
     [
         (["absent.csv", "--scene", "scene.yaml"], "absent.csv: cannot read the recording"),
         (["free.csv", "--scene", "absent.yaml"], "absent.yaml: cannot read the scene"),
+        (["far.csv", "--scene", "scene.yaml"], "in rad, or as much in degrees, elbow_joint within -9.425"),
         (["degrees.csv", "--scene", "scene.yaml"], "are they in degrees? (--columns angle_unit=deg)"),
     ],
 )
