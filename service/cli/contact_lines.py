@@ -13,7 +13,6 @@ LOOK_AT_THEM = (
 )
 """What to do next."""
 COMPONENTS = ("force x", "force y", "force z", "moment x", "moment y", "moment z")
-
 """Of the readings of a force/torque sensor, in words."""
 
 
