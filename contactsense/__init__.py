@@ -15,7 +15,14 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "output.batch": ["Batch"],
         "readings": ["Readings", "forward_model"],
         "sample_blocks": ["BlockEstimates", "SampleBlock"],
-        "scene": ["JointTorqueSensor", "LinkWrenchSensor", "Scene", "SceneError", "WrenchSensor"],
+        "scene": [
+            "FieldError",
+            "JointTorqueSensor",
+            "LinkWrenchSensor",
+            "Scene",
+            "SceneError",
+            "WrenchSensor",
+        ],
         "surface_map.detectability": ["Detectability", "detectability"],
         "types": ["Contact", "Estimate", "Event", "Explanation", "Sample"],
     },
@@ -28,6 +35,7 @@ if TYPE_CHECKING:
     from contactsense.readings import forward_model as forward_model
     from contactsense.sample_blocks import BlockEstimates as BlockEstimates
     from contactsense.sample_blocks import SampleBlock as SampleBlock
+    from contactsense.scene import FieldError as FieldError
     from contactsense.scene import JointTorqueSensor as JointTorqueSensor
     from contactsense.scene import LinkWrenchSensor as LinkWrenchSensor
     from contactsense.scene import Scene as Scene

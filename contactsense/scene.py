@@ -21,7 +21,7 @@ from contactsense.robots import Robot
 from contactsense.robots.arm_checks import check_arm
 from contactsense.robots.attribute_docs import with_attributes
 from contactsense.robots.file_references import located
-from contactsense.robots.files.field_errors import Place, describe, reasons
+from contactsense.robots.files.field_errors import Place, describe
 from contactsense.robots.files.file_model import FieldError, FileModel
 from contactsense.robots.files.yaml_fields import read_fields
 from contactsense.robots.library import in_library, is_library_file
@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
 __all__ = [
+    "FieldError",
     "JointTorqueSensor",
     "LinkWrenchSensor",
     "Scene",
@@ -193,7 +194,7 @@ class Scene(FileModel):
         try:
             super().__init__(**fields)
         except FieldError as error:
-            raise SceneError(str(error), reasons(error.issues, Scene)) from None
+            raise SceneError(str(error), error.reasons) from None
 
     @field_validator("mounting", mode="before")
     @classmethod

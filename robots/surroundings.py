@@ -17,7 +17,11 @@ Role = Literal["obstacle", "cover", "pedestal"]
 
 
 class Body(FileModel):
-    """A rigid body of the cell, fixed in the base frame."""
+    """A rigid body of the cell, fixed in the base frame.
+
+    Raises:
+        FieldError: A field is wrong; the message names it, what was expected and what was given.
+    """
 
     model_config = ConfigDict(use_attribute_docstrings=True)
 

@@ -16,7 +16,11 @@ from contactsense.robots.surface.deviation_table import DeviationTable
 
 class Tool(FileModel):
     """Something rigidly mounted on the tool flange; without primitives it only has weight and cannot be
-    touched."""
+    touched.
+
+    Raises:
+        FieldError: A field is wrong; the message names it, what was expected and what was given.
+    """
 
     model_config = ConfigDict(use_attribute_docstrings=True)
 

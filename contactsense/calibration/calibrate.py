@@ -26,6 +26,7 @@ from contactsense.calibration.residuals.recording_residuals import (
 )
 from contactsense.calibration.result import Calibration, Value, residual_statistics, scene_of
 from contactsense.calibration.torque_signal_meaning import compare_meanings, setting_warnings
+from contactsense.robots.files.field_errors import joined
 from contactsense.robots.files.file_model import FieldError
 from contactsense.scene import Scene
 
@@ -72,11 +73,11 @@ def calibrate(
     try:
         calibrated = scene_of(arm, changed, noise_levels, wrenches)
     except FieldError as error:
-        first, part = error.issues[0], error.model.__name__.lower()
-        name = f"{part}.{first['loc'][0]}" if first["loc"] else part
+        place, reason = next(iter(error.reasons.items()))
+        name = joined((error.model.lower(), *place))
         raise CalibrationError(
-            f"{recordings[0].name}: expected motion of the scene's arm, got a fit with {name} "
-            f"{first['input']!r:.40}: `contactsense check` finds the wrong line or signal"
+            f"{recordings[0].name}: expected motion of the scene's arm, got a fit with {name} out of bounds "
+            f"({reason}): `contactsense check` finds the wrong line or signal"
         ) from None
     return Calibration(
         scene=calibrated,

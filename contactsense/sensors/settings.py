@@ -102,6 +102,9 @@ class WrenchSensor(Part):
 
     Live and in recordings, readings are converted with frame, sign and bias. The wrenches of a
     `contactsense.Sample` have been converted, as by `contactsense.scene_model.wrench_map.WrenchMap`.
+
+    Raises:
+        FieldError: A field is wrong; the message names it, what was expected and what was given.
     """
 
     force_noise: Noise = 0.25
@@ -145,7 +148,11 @@ class WrenchSensor(Part):
 
 @with_attributes
 class LinkWrenchSensor(WrenchSensor):
-    """A six-axis force/torque sensor between two links of the arm."""
+    """A six-axis force/torque sensor between two links of the arm.
+
+    Raises:
+        FieldError: A field is wrong; the message names it, what was expected and what was given.
+    """
 
     name: str
     """Name of the sensor: small letters, digits and underscores, a letter first; neither `base` nor `wrist`.
@@ -207,7 +214,11 @@ class Friction(Part):
 
 @with_attributes
 class JointTorqueSensor(Part):
-    """Joint torques from motor currents: the signal, its meaning, and its noise."""
+    """Joint torques from motor currents: the signal, its meaning, and its noise.
+
+    Raises:
+        FieldError: A field is wrong; the message names it, what was expected and what was given.
+    """
 
     signal: JointTorqueSignal = "actual_current_as_torque"
     """The RTDE signal that is read."""

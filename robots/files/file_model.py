@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Self, get_args
 
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
-from contactsense.robots.files.field_errors import describe
+from contactsense.robots.files.field_errors import Place, describe, reasons
 from contactsense.robots.files.near_names import did_you_mean
 
 
@@ -18,13 +18,13 @@ class FieldError(ValueError):
     """Fields of an object that is made in Python are wrong. The message is one line: each field, the expected
     value and the given one."""
 
-    def __init__(self, error: ValidationError, model: type[BaseModel]) -> None:
-        """Put pydantic's error of a model into words."""
-        super().__init__(describe(error, model))
-        self.issues = error.errors(include_url=False)
-        """What pydantic says of each error."""
+    # All of it is text, so that it can be sent from one process to another whatever was given.
+    def __init__(self, message: str, reasons: dict[Place, str] | None = None, model: str = "") -> None:
+        super().__init__(message)
+        self.reasons = reasons or {}
+        """Field -> what was expected and what was given."""
         self.model = model
-        """What was to be made."""
+        """Name of the class of which an object was to be made."""
 
 
 class FileModel(BaseModel):
@@ -42,7 +42,7 @@ class FileModel(BaseModel):
             try:
                 super().__init__(**fields)
             except ValidationError as error:
-                raise FieldError(error, type(self)) from None
+                raise _in_words(error, type(self)) from None
 
         # As a part of another model it is validated with the whole, whose error names the place of the part.
         __init__.__pydantic_base_init__ = True
@@ -66,6 +66,11 @@ class FileModel(BaseModel):
             if name not in fields:
                 raise ValueError(f"{name}: unknown field{did_you_mean(name, fields)}")
         return super().model_copy(update=update, deep=deep)
+
+
+def _in_words(error: ValidationError, model: type[BaseModel]) -> FieldError:
+    found = reasons(error.errors(include_url=False), model)
+    return FieldError(describe(error, model), found, model.__name__)
 
 
 class _TruthValue:

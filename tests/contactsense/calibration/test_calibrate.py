@@ -220,7 +220,11 @@ def test_a_fit_that_no_arm_can_have_is_refused_by_its_field(monkeypatch: pytest.
     monkeypatch.setattr(sys.modules["contactsense.calibration.calibrate"], "scene_of", impossible)
     part = simulate(TRUTH, _motion(4.0), 3, 100.0)
     settings = Settings(("bias", "coulomb", "viscous", "rotor"), widths=False, leave_out_contacts=False)
-    with pytest.raises(CalibrationError, match=r"recording 3: expected .* got a fit with friction[.]error "):
+    told = (
+        r"recording 3: expected .* got a fit with friction[.]error\[0\] out of bounds "
+        r"\(expected a number of at most 1000000, got 30000000[.]0\): "
+    )
+    with pytest.raises(CalibrationError, match=told):
         calibrate(SEARCHED, [part], settings)
 
 

@@ -1,5 +1,6 @@
 """Wrong fields of objects made in Python, and truth values where a file must have numbers."""
 
+import pickle
 from collections.abc import Callable
 from typing import Any
 
@@ -11,7 +12,7 @@ from contactsense.robots.primitives import Sphere
 from contactsense.robots.surroundings import Body
 from contactsense.robots.tool import Tool
 from contactsense.robots.yaml_schema import JointEntry
-from contactsense.scene import JointTorqueSensor, LinkWrenchSensor, Scene, WrenchSensor
+from contactsense.scene import JointTorqueSensor, LinkWrenchSensor, Scene, SceneError, WrenchSensor
 from contactsense.sensors.settings import Friction
 from contactsense.service.mock.arm.script import Script
 from contactsense.service.reactions.rules import ReactionRules
@@ -45,7 +46,21 @@ def test_what_is_wrong_with_an_object_made_in_python_is_one_line(
     with pytest.raises(FieldError) as caught:
         model(**fields)
     assert str(caught.value) == told
-    assert caught.value.model is model
+    assert caught.value.model == model.__name__
+
+
+def test_the_error_of_an_object_is_the_same_in_another_process() -> None:
+    """It could be sent, but not received, which left a pool of processes waiting for ever."""
+    with pytest.raises(FieldError) as caught:
+        Body(name="a", primitives=lambda: 3)
+    received = pickle.loads(pickle.dumps(caught.value))
+    assert str(received) == str(caught.value)
+    assert (received.model, received.reasons) == ("Body", caught.value.reasons)
+    with pytest.raises(SceneError) as whole:
+        Scene(robot="ur5e", contacts=0)
+    assert pickle.loads(pickle.dumps(whole.value)).reasons == {
+        ("contacts",): "expected a number of at least 1, got 0"
+    }
 
 
 @pytest.mark.parametrize(
