@@ -1,10 +1,13 @@
 """`contactsense view`: the arm and its contacts in a browser, live or from a file."""
 
+import contextlib
 import os
 import signal
+import socket
 import sys
 import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -99,7 +102,7 @@ def view(
         else:
             # It takes minutes for a recording of hours.
             with never_lost(signal.SIGINT, signal.SIGTERM):
-                source = _recorded(file, scene, ColumnMapping.parse(columns))
+                source = _recorded(file, scene, ColumnMapping.parse(columns), host, port)
             _end_in_order(over)
             page = _page(host, port)
             viewer = Viewer(page, source.scene)
@@ -134,6 +137,7 @@ def _live(
     over: threading.Event,
 ) -> None:
     calls = ServiceCalls(url, token)
+    _check_port(host, port)
     _give_way(url)
     source = _reached(calls, scene)
     try:
@@ -168,7 +172,9 @@ def _give_way(url: str) -> None:
         os.nice(LESS_URGENT)
 
 
-def _recorded(file: Path, scene: Scene | None, mapping: ColumnMapping) -> RecordedSource | AnalysisSource:
+def _recorded(
+    file: Path, scene: Scene | None, mapping: ColumnMapping, host: str, port: int
+) -> RecordedSource | AnalysisSource:
     if is_analysis(file):
         return AnalysisSource(file, scene)
     tables = tables_instead(file)
@@ -179,24 +185,39 @@ def _recorded(file: Path, scene: Scene | None, mapping: ColumnMapping) -> Record
         what = "the table of the contacts" if len(tables) == 1 else "one table of contacts"
         raise click.ClickException(f"{file}: expected {what}, {' or '.join(named)}")
     scene = scene_in(file) if scene is None else scene
+    rows = RecordingFile(file, scene, mapping).rows
+    _check_port(host, port)
     click.echo(f"{file}: the estimates are being computed", err=True)
     with Progress(
         TextColumn("{task.description}", markup=False), BarColumn(), TimeRemainingColumn(),
         console=Console(stderr=True), transient=True,
     ) as progress:  # fmt: skip
-        task = progress.add_task(file.name, total=RecordingFile(file, scene, mapping).rows)
+        task = progress.add_task(file.name, total=rows)
         source = RecordedSource(file, scene, mapping, lambda count: progress.advance(task, count))
     for problem in source.problems:
         click.echo(f"{file}: {problem}", err=True)
     return source
 
 
+def _check_port(host: str, port: int) -> None:
+    """Refuse an address that is taken before anybody waits, for a service or for estimates."""
+    with _told(host, port), socket.create_server((host, port)):
+        pass
+
+
 def _page(host: str, port: int) -> PageServer:
-    try:
+    with _told(host, port):
         page = serve_page(host, port)
+    click.echo(f"{READY}http://{host}:{page.get_port()}")
+    return page
+
+
+@contextlib.contextmanager
+def _told(host: str, port: int) -> Iterator[None]:
+    """Tell in one line why an address cannot be served at."""
+    try:
+        yield
     except OSError as error:
         raise click.ClickException(
             f"cannot serve at {host}:{port}: {reason(error)}; --port 0 takes a free port"
         ) from None
-    click.echo(f"{READY}http://{host}:{page.get_port()}")
-    return page

@@ -106,27 +106,33 @@ class WebhookDelivery:
                     "INSERT INTO deliveries (action, webhook_id, body, due) VALUES (?, ?, ?, ?)",
                     (name, f"msg_{uuid.uuid4().hex}", text, time.time() + self._delays[0]),
                 )
-                lost = self._remove_oldest(name)
         except sqlite3.Error as error:  # such as a full disk
             reason = f"lost, as the journal cannot be written: {error}"
             self._on_result(name, False, reason, decision)
             return
-        for body_lost in lost:
+        for body_lost in self._remove_oldest(name):
             reason = f"lost, as {MOST} later ones wait"
             self._on_result(name, False, reason, _decision_in(body_lost))
         if name in self._news:  # a reload may have removed it
             self._news[name].set()
 
     def _remove_oldest(self, name: str) -> list[bytes]:
-        """Remove a webhook's deliveries beyond `MOST`; returns their bodies."""
-        database = self._journal.database
-        rows = database.execute(
-            "SELECT id, CAST(body AS BLOB) FROM deliveries "
-            "WHERE action = ? ORDER BY id DESC LIMIT -1 OFFSET ?",
-            (name, MOST),
-        ).fetchall()
-        if rows:
-            database.execute("DELETE FROM deliveries WHERE action = ? AND id <= ?", (name, rows[0][0]))
+        """Remove a webhook's deliveries beyond `MOST`; returns their bodies. Where the journal cannot be
+        written now, they stay until the next one comes."""
+        try:
+            with self._journal.lock:
+                database = self._journal.database
+                rows = database.execute(
+                    "SELECT id, CAST(body AS BLOB) FROM deliveries "
+                    "WHERE action = ? ORDER BY id DESC LIMIT -1 OFFSET ?",
+                    (name, MOST),
+                ).fetchall()
+                if rows:
+                    database.execute(
+                        "DELETE FROM deliveries WHERE action = ? AND id <= ?", (name, rows[0][0])
+                    )
+        except sqlite3.Error:
+            return []
         return [body for _, body in reversed(rows)]
 
     def _follow_clock(self) -> None:

@@ -58,6 +58,25 @@ def test_beyond_its_limit_the_oldest_is_lost_and_told(monkeypatch: pytest.Monkey
         assert count == 4  # that of the other webhook, too
 
 
+def test_one_that_is_stored_is_not_lost_though_the_oldest_cannot_be_removed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(webhook_delivery, "MOST", 1)
+    told: list[tuple[str, int]] = []
+    with Journal() as journal:
+        delivery = outbox(journal, told)
+        journal.database.execute(
+            "CREATE TEMP TRIGGER full BEFORE DELETE ON deliveries BEGIN SELECT RAISE(ABORT, 'full'); END"
+        )
+        for n in range(2):
+            delivery.enqueue("hook", {**DECISION, "n": n})
+        assert (told, waiting(journal)) == ([], 2)
+        journal.database.execute("DROP TRIGGER full")
+        delivery.enqueue("hook", {**DECISION, "n": 2})
+        assert told == [("lost, as 1 later ones wait", n) for n in (0, 1)]
+        assert waiting(journal) == 1
+
+
 @pytest.mark.parametrize("added", [0, 1])
 @pytest.mark.parametrize("step", [-3.0 * HOUR, 3.0 * HOUR])
 def test_pauses_are_the_same_after_the_clock_was_set(step: float, added: int, set_clock: SetClock) -> None:

@@ -31,11 +31,23 @@ def test_it_waits_and_is_interrupted(reserved: socket.socket, monkeypatch: pytes
 
     monkeypatch.setattr(command, "time", SimpleNamespace(sleep=sleep))
     url = f"http://127.0.0.1:{reserved.getsockname()[1]}"
-    result = CliRunner().invoke(command.view, ["--url", url])
+    result = CliRunner().invoke(command.view, ["--url", url, "--port", "0"])
     told = f"{url} cannot be reached: Connection refused; waiting for the service, Ctrl-C ends"
     assert result.stderr == f"{told}\n\nAborted!\n"
     assert result.exit_code == 1
     assert pauses == [command.RETRY] * 3
+
+
+def test_a_port_that_is_taken_is_told_before_the_service_comes(
+    reserved: socket.socket, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(command, "time", SimpleNamespace(sleep=lambda _: pytest.fail("it waits")))
+    url = f"http://127.0.0.1:{reserved.getsockname()[1]}"
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        result = CliRunner().invoke(command.view, ["--url", url, "--port", str(port)])
+    told = f"Error: cannot serve at 127.0.0.1:{port}: Address already in use; --port 0 takes a free port\n"
+    assert result.stderr == told
 
 
 def test_it_shows_the_service_that_comes(reserved: socket.socket, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -49,5 +61,6 @@ def test_it_shows_the_service_that_comes(reserved: socket.socket, monkeypatch: p
 
         monkeypatch.setattr(command, "time", SimpleNamespace(sleep=start))
         monkeypatch.setattr(command, "_page", page)
-        result = CliRunner().invoke(command.view, ["--url", f"http://127.0.0.1:{reserved.getsockname()[1]}"])
+        url = f"http://127.0.0.1:{reserved.getsockname()[1]}"
+        result = CliRunner().invoke(command.view, ["--url", url, "--port", "0"])
     assert result.stderr.endswith("waiting for the service, Ctrl-C ends\nError: a page is served\n")
