@@ -1,5 +1,6 @@
 """Calls the listeners of the pipeline, and passes on what they report."""
 
+import contextlib
 import json
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
@@ -42,8 +43,10 @@ class Listeners:
         self._each(self._reporters, lambda reporter: reporter.command(message))
 
     def close(self) -> None:
-        """Close all listeners."""
+        """Close all listeners, and pass on what they report of it, such as of files that are complete now."""
         self._each(self._listeners, lambda listener: listener.close())
+        with contextlib.suppress(OSError):  # the service has ended
+            self._send_reports(0.0)
 
     def _each(self, listeners: Sequence[_L], call: Callable[[_L], None]) -> None:
         for listener in listeners:

@@ -50,7 +50,7 @@ HEARTBEAT = 0.25
 _TICK = 0.01
 """Longest wait for samples before listeners and commands have their turn [s]."""
 _FAREWELL = 10.0
-"""Longest time for the last words, which wait behind all other messages, to be sent [s]: a busy service reads
+"""Longest time for the last messages, which wait behind all others, to be sent [s]: a busy service reads
 late."""
 ANOTHER_SOURCE = f"a controller has connected anew: {NEW_STREAM}"
 """Why the estimation begins anew."""
@@ -93,7 +93,7 @@ def work(
     open_source: Callable[[Scene], Source],
     factories: Sequence[ListenerFactory] = (),
 ) -> None:
-    """Main function of the pipeline's process. Returns when the service has ended.
+    """Main function of the pipeline's process. Returns when the service has ended, or sends nothing more.
 
     Args:
         connection: Connection to the service, which first sends the scene.
@@ -116,7 +116,7 @@ def work(
                 prefer_low_latency()
                 run(source, localizer, outbox, listeners, inbox, scheduling)
         except (BrokenPipeError, ConnectionResetError):
-            raise
+            outbox.finish(_FAREWELL)  # a service that sends nothing more may still read
         except Exception as error:
             text = str(error)
             # A controller that lacks a field may lack it for weeks, in each process that is started.

@@ -17,6 +17,20 @@ async def exit_code(process: BaseProcess) -> int | None:
     return process.exitcode
 
 
+async def has_ended(connection: asyncio.StreamWriter | None, receiving: asyncio.Task[str]) -> bool:
+    """Tell a process to end, and take what it reports of that, such as files that it completes; returns
+    whether it has ended in time.
+
+    Args:
+        connection: To the process, which ends when nothing more can come; None: there is none yet.
+        receiving: Takes its messages until it has ended.
+    """
+    if connection is not None:
+        connection.write_eof()
+    await asyncio.wait({receiving}, timeout=_PATIENCE)
+    return receiving.done()
+
+
 async def end(process: BaseProcess, *, at_once: bool) -> None:
     """Wait for the end of a process that has been told to end, and kill it if it does not.
 

@@ -33,7 +33,7 @@ from contactsense.service.live.pipeline_connection import (
     REPORT,
 )
 from contactsense.service.live.pipeline_process import ListenerFactory, Source, work
-from contactsense.service.live.process_exit import end, exit_code
+from contactsense.service.live.process_exit import end, exit_code, has_ended
 from contactsense.service.live.silence import TICK, Silence, process_state
 from contactsense.service.live.status import STALE, Facts, Status, assess
 from contactsense.service.live.status_log import StatusLog
@@ -250,7 +250,8 @@ class Runner:
                 if self._restart.is_set():
                     # It is asked for, and no failure; the process may take some time to end.
                     self._process, self._end_reason = "starting", ""
-                    return "was ended for a new scene", False
+                    writer, self._to_pipeline = self._to_pipeline, None
+                    return "was ended for a new scene", not await has_ended(writer, receiving)
                 if silence.stopped > _STOPPED:
                     return f"was stopped, or dead, for {_STOPPED:g} s", True
                 if self.loading.advanced is not None and clock() - self.loading.advanced > _STUCK:
@@ -302,7 +303,8 @@ class Runner:
         return _FIRST_WORD if self.loading.advanced is None else _LOADING_SILENCE
 
     def _take_health(self, payload: bytes, sent: float) -> None:
-        self._process, self._end_reason = "running", ""
+        if not self._restart.is_set():  # one that is to be replaced only reports its end
+            self._process, self._end_reason = "running", ""
         report = json.loads(payload)
         restarts = self.pipeline.restarts
         self.source = SourceHealth.model_validate(report["source"])

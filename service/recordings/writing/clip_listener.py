@@ -173,6 +173,8 @@ class ClipListener:
         remove_unfinished(self._folder)
         while True:
             kind, value, rows_taken = self._work.get()
+            # Only the file ends with this process or with an error: the next one goes on.
+            goes_on = kind != "stop"
             try:
                 if kind == "clip":
                     self._report_clip(*value)
@@ -195,14 +197,13 @@ class ClipListener:
                         ended, writer = writer, None  # one that fails to close is closed all the same
                         rows = ended.rows
                         ended.close()
-                    self._reports.append({"type": "recording", "on": False, "rows": rows, "error": ""})
+                    self._reports.append({"type": "recording", "on": goes_on, "rows": rows, "error": ""})
             except (OSError, ValueError, pa.ArrowException) as error:
                 if writer is not None:
                     with suppress(OSError, ValueError, pa.ArrowException):
                         writer.close()
                 writer = None
                 # The next rows begin another file, as the disk may have space by then.
-                goes_on = kind in ("rows", "lost")
                 self._reports.append({"type": "recording", "on": goes_on, "rows": 0, "error": str(error)})
             self._done += rows_taken
             if kind == "end":

@@ -60,6 +60,6 @@ def test_all_listeners_get_all_calls_and_their_reports_are_sent(fails: bool) -> 
     expected = ["receive 1.5 1.5", "tick 100", "command acknowledge", "close"]
     assert [listener.calls for listener in both] == [expected, expected]
     assert posted.messages == [
-        (REPORT, t, b'{"calls": %d}' % count) for t, count in ((1.5, 1), (100.0, 2)) for _ in both
+        (REPORT, t, b'{"calls": %d}' % count) for t, count in ((1.5, 1), (100.0, 2), (0.0, 4)) for _ in both
     ]
     assert listeners.errors.count == (4 if fails else 0)

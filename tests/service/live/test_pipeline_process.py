@@ -5,7 +5,10 @@ import multiprocessing
 import socket
 import threading
 import time
+from collections.abc import Sequence
+from functools import partial
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,8 +27,15 @@ from contactsense.service.live.pipeline_connection import (
     Inbox,
     Outbox,
 )
-from contactsense.service.live.pipeline_process import ANOTHER_SOURCE, _as_message, run, work
+from contactsense.service.live.pipeline_process import (
+    ANOTHER_SOURCE,
+    ListenerFactory,
+    _as_message,
+    run,
+    work,
+)
 from contactsense.service.process_argument import packed
+from contactsense.service.recordings.writing.clip_listener import ClipListener, RecordingSettings
 from contactsense.service.sensors.clients.netft_client import WrenchHealth
 from contactsense.service.sensors.clients.robot_stream import State, StreamHealth
 from contactsense.service.sensors.source_health import SourceHealth
@@ -250,8 +260,12 @@ def test_a_report_that_is_no_json_is_counted_and_loses_none_of_the_others() -> N
 def test_the_end_of_the_service_is_no_error_of_a_listener() -> None:
     ours, theirs = socket.socketpair()
     theirs.close()
-    with ours, pytest.raises(BrokenPipeError):
-        Listeners([Talkative({"type": "a"})], Outbox(ours)).tick(1.0)
+    with ours:
+        listeners = Listeners([Talkative({"type": "a"})], Outbox(ours))
+        with pytest.raises(BrokenPipeError):
+            listeners.tick(1.0)
+        Listeners([Talkative({"type": "a"})], Outbox(ours)).close()
+    assert listeners.errors.count == 0
 
 
 def test_a_command_that_is_too_long_is_refused_and_no_other() -> None:
@@ -296,23 +310,41 @@ def test_a_refused_command_is_told_by_health() -> None:
 def test_last_words_behind_a_backlog_are_sent(
     source: type[fakes.Steady], said: bytes, traceback: bool, capfd: pytest.CaptureFixture[str]
 ) -> None:
+    (kind, _, text), exit_code = last_behind_a_backlog(source)
+    assert (kind, text) == (LAST_WORDS, said)
+    assert exit_code == 1
+    assert ("Traceback" in capfd.readouterr().err) == traceback
+
+
+@pytest.mark.slow
+def test_last_reports_behind_a_backlog_are_sent_to_a_service_that_sends_nothing_more(tmp_path: Path) -> None:
+    listener = partial(ClipListener, settings=RecordingSettings(folder=tmp_path), rate=500.0)
+    clip = json.dumps({"type": "clip", "number": 7, "after": 60.0}).encode() + b"\n"
+    (kind, _, report), exit_code = last_behind_a_backlog(fakes.Steady, [listener], clip)
+    assert (kind, exit_code) == (REPORT, 0)
+    assert (tmp_path / json.loads(report)["file"]).is_file()
+
+
+def last_behind_a_backlog(
+    source: type[fakes.Steady], listeners: Sequence[ListenerFactory] = (), commands: bytes = b""
+) -> tuple[tuple[bytes, float, bytes], int | None]:
+    """The last message of a process whose messages are read late, and its exit code."""
     ours, theirs = socket.socketpair()
-    process = multiprocessing.get_context("spawn").Process(target=work, args=(theirs, source))
+    process = multiprocessing.get_context("spawn").Process(target=work, args=(theirs, source, listeners))
     with ours:
         with theirs:
             process.start()
-        ours.sendall(packed(Scene(robot="ur5e")))
+        ours.sendall(packed(Scene(robot="ur5e")) + commands)
         # It may compile. Of short messages a connection holds fewer bytes than of long ones.
         assert until(lambda: len(ours.recv(1 << 20, socket.MSG_PEEK)) > 1 << 14, 280.0)
         time.sleep(0.5)  # until it is full, and for a process that would not wait until its messages are read
+        ours.shutdown(socket.SHUT_WR)
+        time.sleep(0.5)
         data = b""
         while chunk := ours.recv(1 << 16):
             data += chunk
     process.join()
-    kind, _, text = messages_in(data)[-1]
-    assert (kind, text) == (LAST_WORDS, said)
-    assert process.exitcode == 1
-    assert ("Traceback" in capfd.readouterr().err) == traceback
+    return messages_in(data)[-1], process.exitcode
 
 
 def test_a_service_that_does_not_read_holds_up_no_end() -> None:

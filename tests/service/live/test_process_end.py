@@ -4,13 +4,16 @@ import asyncio
 import json
 import multiprocessing
 from collections.abc import Awaitable, Callable
-from typing import Any
+from multiprocessing.process import BaseProcess
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 
 from contactsense import Scene
-from contactsense.service.live import supervisor
-from contactsense.service.live.pipeline_connection import HEAD, LOADING
+from contactsense.service.live import process_exit, supervisor
+from contactsense.service.live.health import PipelineHealth, SourceHealth
+from contactsense.service.live.pipeline_connection import HEAD, HEALTH, LOADING, REPORT
 from contactsense.service.live.silence import ProcessState
 from contactsense.service.live.supervisor import Runner
 from tests.service import fakes
@@ -119,8 +122,12 @@ def listened(*messages: bytes, restart: bool = False) -> tuple[str, bool]:
 
 
 def progress(share: float) -> bytes:
-    payload = json.dumps({"share": share, "left": 10.0}).encode()
-    return HEAD.pack(LOADING, 0.5, len(payload)) + payload
+    return message(LOADING, {"share": share, "left": 10.0})
+
+
+def message(kind: bytes, content: dict[str, Any]) -> bytes:
+    payload = json.dumps(content).encode()
+    return HEAD.pack(kind, 0.5, len(payload)) + payload
 
 
 CASES: list[tuple[str, str, tuple[bytes, ...], str]] = [
@@ -143,9 +150,36 @@ def test_a_process_that_hangs_is_to_be_killed(
     assert listened(*messages) == (reason, True)
 
 
-def test_a_process_that_is_to_be_replaced_may_end_by_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_process_that_does_not_end_for_a_new_scene_is_to_be_killed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(supervisor, "TICK", 0.01)
-    assert listened(restart=True) == ("was ended for a new scene", False)
+    monkeypatch.setattr(process_exit, "_PATIENCE", 0.05)
+    assert listened(restart=True) == ("was ended for a new scene", True)
+
+
+def test_what_a_process_reports_until_it_has_ended_for_a_new_scene_is_taken() -> None:
+    """Clips that it completed were said to be lost."""
+    health = {"source": SourceHealth().model_dump(), "pipeline": PipelineHealth(alive=True).model_dump()}
+    reports: list[dict[str, Any]] = []
+
+    async def scenario() -> None:
+        runner = Runner(SCENE, fakes.Mute, lambda t, message: None, reports.append)
+        reader = asyncio.StreamReader()
+
+        def end() -> None:
+            for kind, content in ((HEALTH, health), (REPORT, {"type": "clip"})):
+                reader.feed_data(message(kind, content))
+            reader.feed_eof()
+
+        runner._to_pipeline = cast(asyncio.StreamWriter, SimpleNamespace(write_eof=end))
+        runner.restart(SCENE, fakes.Mute)
+        process = cast(BaseProcess, SimpleNamespace(pid=None, exitcode=0))
+        assert await runner._listen(reader, process) == ("was ended for a new scene", False)
+        assert runner.pipeline.alive
+        assert runner.status == "starting"
+        assert not runner.send({"type": "clip"})
+
+    asyncio.run(scenario())
+    assert reports == [{"type": "clip"}]
 
 
 def test_commands_are_refused_where_no_process_runs() -> None:

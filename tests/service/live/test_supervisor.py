@@ -11,11 +11,15 @@ import signal
 import socket
 import time
 from collections.abc import AsyncIterator, Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
 
 import pytest
 
 from contactsense import Scene
 from contactsense.robots.jit.compilation import CompilationProgress
+from contactsense.service.api.clips import Clips
 from contactsense.service.live.health import PipelineHealth, SourceHealth
 from contactsense.service.live.pipeline_connection import (
     ESTIMATE,
@@ -28,6 +32,7 @@ from contactsense.service.live.pipeline_connection import (
 from contactsense.service.live.pipeline_process import Source
 from contactsense.service.live.silence import Silence
 from contactsense.service.live.supervisor import Runner
+from contactsense.service.recordings.writing.clip_listener import ClipListener, RecordingSettings
 from tests.service import fakes
 
 SCENE = Scene.model_validate({"robot": "ur5e"})
@@ -113,6 +118,40 @@ def test_a_restart_with_another_scene_is_no_failure() -> None:
             assert "starting" in seen
             assert "failing" not in seen
             assert runner.pipeline.restarts == 1
+
+    asyncio.run(scenario())
+
+
+@pytest.mark.slow
+def test_a_clip_and_a_recording_outlive_a_new_scene(tmp_path: Path) -> None:
+    """The clip, which ends early, was listed as failed though its file is there."""
+
+    async def scenario() -> None:
+        settings = RecordingSettings(folder=tmp_path)
+        listeners = [partial(ClipListener, settings=settings, rate=500.0)]
+        runner = Runner(SCENE, fakes.Steady, lambda t, message: None, clips_report, listeners)
+        clips.append(Clips(settings, runner.send))
+        runner.on_end = clips[0].note_end
+        runner.start()
+        try:
+            await until(lambda: runner.status == "ok")
+            assert clips[0].record(True)
+            clip = clips[0].order(None, 60.0, "door")
+            await until(lambda: clips[0].recording.rows > 0)
+            runner.restart(SCENE, fakes.Steady, listeners)
+            await until(lambda: runner.pipeline.restarts == 1)
+            assert clip is not None
+            assert (clip.error, clips[0].recording.on) == ("", True)
+            assert (tmp_path / (clip.file or "")).is_file()
+            rows = clips[0].recording.rows
+            await until(lambda: clips[0].recording.rows > rows)
+        finally:
+            await runner.stop()
+
+    clips: list[Clips] = []
+
+    def clips_report(report: dict[str, Any]) -> None:
+        clips[0].handle_report(report)
 
     asyncio.run(scenario())
 
