@@ -59,7 +59,7 @@ class ForceLimits(FileModel):
         except ValueError as error:
             raise LimitsError(str(error)) from None
         try:
-            return cls(**content)
+            return cls.model_validate(content)
         except ValidationError as error:
             raise LimitsError(f"{path}: {describe(error, cls)}") from None
 

@@ -38,11 +38,13 @@ class ParquetTable:
     def __init__(self, path: Path) -> None:
         self._path = path
         self.problems: list[Problem] = []
-        self._file = pa_parquet.ParquetFile(path, buffer_size=_BUFFER, pre_buffer=False)
-        check_twice(path, self._file.schema_arrow.names)
-        self.names, self.others = numeric(self._file.schema_arrow), not_numeric(self._file.schema_arrow)
-        self.meta = text_metadata(self._file.schema_arrow.metadata)
-        self.rows: int | None = self._file.metadata.num_rows
+        # Closed at once: a folder may have more files than a process may have open.
+        with pa_parquet.ParquetFile(path) as file:
+            schema, self._metadata = file.schema_arrow, file.metadata
+        check_twice(path, schema.names)
+        self.names, self.others = numeric(schema), not_numeric(schema)
+        self.meta = text_metadata(schema.metadata)
+        self.rows: int | None = self._metadata.num_rows
 
     def batches(
         self, names: list[str], first: int = 0, last: int | None = None
@@ -50,7 +52,7 @@ class ParquetTable:
         """As `TableFile.batches`."""
         self.problems.clear()
         row, groups = self._groups(first, last)
-        source = self._file.iter_batches(columns=names, batch_size=65536, row_groups=groups)
+        source = self._stored(names, groups)
         while True:
             try:
                 batch = next(source)
@@ -58,20 +60,24 @@ class ParquetTable:
                 return
             except (OSError, pa.ArrowException) as error:
                 self.problems.append(
-                    Problem(
-                        row, self._file.metadata.num_rows, "cut_short", f"cannot be read: {reason(error)}"
-                    )
+                    Problem(row, self._metadata.num_rows, "cut_short", f"cannot be read: {reason(error)}")
                 )
                 return
             yield row, floats(batch, names)
             row += batch.num_rows
 
+    def _stored(self, names: list[str], groups: list[int]) -> Iterator[pa.RecordBatch]:
+        with pa_parquet.ParquetFile(
+            self._path, metadata=self._metadata, buffer_size=_BUFFER, pre_buffer=False
+        ) as file:
+            yield from file.iter_batches(columns=names, batch_size=65536, row_groups=groups)
+
     def _groups(self, first: int, last: int | None) -> tuple[int, list[int]]:
         """The row groups that contain the requested rows, and the number of their first row."""
         groups: list[int] = []
         begin = row = 0
-        for i in range(self._file.metadata.num_row_groups):
-            count = self._file.metadata.row_group(i).num_rows
+        for i in range(self._metadata.num_row_groups):
+            count = self._metadata.row_group(i).num_rows
             if row + count > first and (last is None or row < last):
                 if not groups:
                     begin = row

@@ -154,7 +154,7 @@ def test_the_scene_of_a_robot_is_used_for_its_recordings_only(tmp_path: Path) ->
     assert found.robots[1].touched > 0.5 * found.robots[1].samples
     write_fleet_report(found, tmp_path / "out")
     text = (tmp_path / "out" / "fleet.html").read_text()
-    assert text.count('<canvas class="arm">') == 2
+    assert text.count('<canvas class="arm" ') == 2
     assert "<h3>ur10e: b</h3>" in text
     (data / "robot=b" / "scene.yaml").write_text("robot: ur5e\n")
     parts = {path.stat().st_mtime_ns for path in (tmp_path / "out" / "parts").rglob("*.json")}
