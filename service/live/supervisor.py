@@ -226,7 +226,7 @@ class Runner:
                 return reason
             finally:
                 self._to_pipeline = None
-                writer.close()
+                writer.transport.abort()  # `close` would wait until a process that hangs has read the rest
                 with contextlib.suppress(OSError):
                     await writer.wait_closed()
         finally:

@@ -73,6 +73,11 @@ class Steady:
         pass
 
 
+def deaf(*_: object) -> None:
+    """In place of the pipeline's main function: it reads nothing and says nothing."""
+    time.sleep(600.0)
+
+
 class Untouched(Steady):
     """A resting arm that nobody pushes."""
 

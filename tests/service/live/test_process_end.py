@@ -156,6 +156,33 @@ def test_a_process_that_does_not_end_for_a_new_scene_is_to_be_killed(monkeypatch
     assert listened(restart=True) == ("was ended for a new scene", True)
 
 
+@pytest.mark.parametrize("stopped", [False, True])
+def test_a_process_that_hangs_before_it_has_read_its_scene_is_killed(
+    stopped: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The scene was waited for, so that neither the process nor the service ever ended."""
+    monkeypatch.setattr(supervisor, "work", fakes.deaf)
+    monkeypatch.setattr(supervisor, "packed", lambda scene: bytes(1 << 24))
+    monkeypatch.setattr(supervisor, "_FIRST_WORD", 1000.0 if stopped else 0.05)
+    monkeypatch.setattr(process_exit, "_PATIENCE", 0.05)
+
+    async def scenario() -> None:
+        runner = Runner(SCENE, fakes.Mute, lambda t, message: None)
+        async with asyncio.timeout(60):
+            task = asyncio.create_task(runner._run_once(fakes.Mute))
+            if stopped:
+                while not multiprocessing.active_children():
+                    await asyncio.sleep(0.01)
+                await asyncio.sleep(0.1)
+                task.cancel()
+                await asyncio.wait([task])
+            else:
+                assert await task == "was silent for 0.05 s"
+        assert not multiprocessing.active_children()
+
+    asyncio.run(scenario())
+
+
 def test_what_a_process_reports_until_it_has_ended_for_a_new_scene_is_taken() -> None:
     """Clips that it completed were said to be lost."""
     health = {"source": SourceHealth().model_dump(), "pipeline": PipelineHealth(alive=True).model_dump()}
