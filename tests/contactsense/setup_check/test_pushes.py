@@ -26,7 +26,9 @@ def pushed(pushes: tuple[Push, ...], settings: Settings) -> tuple[Scene, FreeMot
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("settings", [MOTION, Settings(seconds=20.0, postures=5)])
+@pytest.mark.parametrize(
+    "settings", [MOTION, pytest.param(Settings(seconds=20.0, postures=5), marks=pytest.mark.long)]
+)
 def test_a_right_scene_fits_a_motion_with_pushes(settings: Settings) -> None:
     scene, part = pushed(PUSHES, settings)
     found = check(scene, [part])
@@ -43,7 +45,7 @@ def test_a_right_scene_fits_a_motion_with_pushes(settings: Settings) -> None:
     assert known.contacts == ()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_wrong_line_is_named_beside_pushes() -> None:
     scene, part = pushed(PUSHES, MOTION)
     roll, pitch, yaw = map(float, scene.mounting)
