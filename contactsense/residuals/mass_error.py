@@ -11,6 +11,13 @@ from contactsense.robots.jit.kernel import kernel
 
 
 @kernel
+def of_link_alone(total: np.ndarray, k: int, i: int) -> float:
+    """Component i of the momentum or gravity wrench of link k alone; `total`: of each link together with all
+    distal ones, shape (n + 1, 6)."""
+    return float(total[k, i] - (total[k + 1, i] if k + 1 < total.shape[0] else 0.0))
+
+
+@kernel
 def add_mass_covariance(weight: np.ndarray, error: float, first: int, covariance: np.ndarray) -> None:
     """Add the covariance of the wrench of links `first` and beyond.
 
@@ -23,9 +30,9 @@ def add_mass_covariance(weight: np.ndarray, error: float, first: int, covariance
     """
     for k in range(first, weight.shape[0]):
         for a in range(6):
-            of_a = error * error * _of_link(weight, k, a)
+            of_a = error * error * of_link_alone(weight, k, a)
             for b in range(6):
-                covariance[a, b] += of_a * _of_link(weight, k, b)
+                covariance[a, b] += of_a * of_link_alone(weight, k, b)
 
 
 @kernel
@@ -48,9 +55,3 @@ def mass_torque_variance(weight: np.ndarray, error: float, screw: np.ndarray, j:
             torque -= dot6(screw, weight[k + 1])
         variance += error * error * torque * torque
     return variance
-
-
-@kernel
-def _of_link(weight: np.ndarray, k: int, i: int) -> float:
-    """Component i of the gravity wrench of link k alone."""
-    return float(weight[k, i] - (weight[k + 1, i] if k + 1 < weight.shape[0] else 0.0))

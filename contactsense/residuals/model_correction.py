@@ -16,6 +16,7 @@ from contactsense.residuals.bias_filter import (
     regressor_of,
 )
 from contactsense.residuals.joint_friction import JointTorqueModel
+from contactsense.residuals.mass_error import of_link_alone
 from contactsense.residuals.momentum_observer import MomentumObserver, group_of
 from contactsense.residuals.observers import Observers
 from contactsense.robots.jit.kernel import kernel
@@ -63,12 +64,6 @@ def apply_correction(
 
 
 @kernel
-def _link_momentum(H: np.ndarray, k: int, i: int) -> float:
-    """Component i of the momentum of the link with mass k alone; H: of each link and all distal ones."""
-    return float(H[k + 1, i] - (H[k + 2, i] if k + 2 < H.shape[0] else 0.0))
-
-
-@kernel
 def _correct_wrench(bias_filter: BiasFilter, model: Model, motion: Motion) -> None:
     """Correct the bias of the base wrench and the masses; `wrench_correction` is by how much that changes the
     residual of the base wrench, base axes, and the arm's momentum. Arguments as for `apply_correction`."""
@@ -89,7 +84,7 @@ def _correct_wrench(bias_filter: BiasFilter, model: Model, motion: Motion) -> No
                 model.inertia[k + 1, i, j] *= 1.0 + x[at]
         for i in range(6):
             d_wrench[i] += x[at] * regressor[regressor_of(n, k) + n + i]
-            d_momentum[i] += x[at] * _link_momentum(motion.momentum, k, i)
+            d_momentum[i] += x[at] * of_link_alone(motion.momentum, k + 1, i)
 
 
 @kernel
@@ -148,7 +143,7 @@ def _correct_link_sensor(
             for k in range(first_body - 1, n):
                 regressor = bias_filter.mass_regressor.residual[regressor_of(n, k) + n + i]
                 d_link += x[masses(n) + k] * regressor
-                d_link_momentum += x[masses(n) + k] * _link_momentum(motion.momentum, k, i)
+                d_link_momentum += x[masses(n) + k] * of_link_alone(motion.momentum, k + 1, i)
         _shift_observer(observer, i, d_link, d_link_momentum, K)
         _shift_observer(difference, i, d_link - d_wrench[i], d_link_momentum - d_momentum[i], K)
 
