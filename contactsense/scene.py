@@ -129,8 +129,8 @@ class Scene(FileModel):
     inertia: dict[str, LinkInertia] | None = None
     """Inertia of links by name, where calibration has changed it. None: the robot's data."""
     inertia_error: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
-    """Relative standard deviation of the mass of each link. A stream estimates the masses in free motion;
-    their remaining uncertainty, in a single measurement all of it, is not mistaken for a contact."""
+    """Relative standard deviation of the mass of each link. A stream estimates the masses in free motion.
+    What remains uncertain, in a single measurement all of it, is not mistaken for a contact."""
     tool: Tool | None = None
     """The tool or payload mounted on the tool flange; None: there is none."""
     bodies: tuple[Body, ...] = ()

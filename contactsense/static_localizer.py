@@ -136,7 +136,7 @@ class StaticLocalizer:
                 `Scene.link_wrenches`.
             external: Whether the arm's weight has been subtracted from the measurements already (a contact
                 wrench w leaves w in `base_wrench` and -s_j . w in `joint_torque`); False: it is subtracted
-                here.
+                here, with the error of `Scene.inertia_error`.
             detect: Return `none` if noise alone explains the measurement; False: a contact is known to be
                 present, and whether the measurement can be is not checked.
             contacts: Largest number of simultaneous contacts, 1 to 3. With more than one, the status is

@@ -16,6 +16,7 @@ from contactsense.kinematics.body_motion import (
 )
 from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import Model, Motion
+from contactsense.kinematics.spatial import Six
 from contactsense.robots.jit.kernel import inlined_kernel, kernel
 from contactsense.robots.vectors import vector
 
@@ -94,3 +95,14 @@ def body_momentum_and_weight(
     f, m = weight_of_body(mass, c, vector(gravity))
     for i in range(3):
         momentum[i], momentum[3 + i], weight[i], weight[3 + i] = h[i], k[i], f[i], m[i]
+
+
+@kernel
+def of_link_alone(total: np.ndarray, k: int) -> Six:
+    """Momentum or gravity wrench of link k alone; `total`: of each link together with all distal ones, shape
+    (n + 1, 6), as in `Motion`."""
+    a = total[k]
+    if k + 1 == total.shape[0]:
+        return a[0], a[1], a[2], a[3], a[4], a[5]
+    b = total[k + 1]
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3] - b[3], a[4] - b[4], a[5] - b[5]

@@ -20,6 +20,14 @@ def product6(C: np.ndarray, a: np.ndarray | Six) -> Six:
 
 
 @kernel
+def add_outer(C: np.ndarray, a: np.ndarray | Six, factor: float) -> None:
+    """Add `factor` a a^T to C, shape (6, 6)."""
+    for i in range(6):
+        for k in range(6):
+            C[i, k] += factor * a[i] * a[k]
+
+
+@kernel
 def quadratic_form(C: np.ndarray, a: np.ndarray | Six) -> float:
     """a . C a, with C of shape (6, 6): the variance of a . w for a wrench w of covariance C."""
     return float(dot6(a, product6(C, a)))

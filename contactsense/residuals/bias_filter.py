@@ -19,6 +19,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from contactsense.kinematics.model import Motion
+from contactsense.kinematics.momenta import of_link_alone
 from contactsense.kinematics.spatial import dot6
 from contactsense.residuals.joint_friction import JointTorqueModel
 from contactsense.residuals.momentum_observer import MomentumObserver, advance, start_step
@@ -187,23 +188,15 @@ def _advance_mass_regressor(
     step = start_step(bias_filter.mass_regressor, dt, bandwidth)
     H, G = motion.momentum, motion.gravity
     for k in range(n):
-        last = k + 2 > n
+        momentum, weight = of_link_alone(H, k + 1), of_link_alone(G, k + 1)
         # A joint carries the links distal to it only.
         for j in range(k + 1):
             s, v = motion.screw[j], motion.screw_rate[j]
-            h, drift = dot6(s, H[k + 1]), dot6(v, H[k + 1])
-            weight = dot6(s, G[k + 1])
-            if not last:
-                h -= dot6(s, H[k + 2])
-                drift -= dot6(v, H[k + 2])
-                weight -= dot6(s, G[k + 2])
-            h *= torque_model.inertia
-            drift = torque_model.inertia * drift + torque_model.gravity * weight
+            h = torque_model.inertia * dot6(s, momentum)
+            drift = torque_model.inertia * dot6(v, momentum) + torque_model.gravity * dot6(s, weight)
             advance(bias_filter.mass_regressor, regressor_of(n, k) + j, h, drift, step)
         for i in range(6):
-            h = H[k + 1, i] - (0.0 if last else H[k + 2, i])
-            g = G[k + 1, i] - (0.0 if last else G[k + 2, i])
-            advance(bias_filter.mass_regressor, regressor_of(n, k) + n + i, h, g, step)
+            advance(bias_filter.mass_regressor, regressor_of(n, k) + n + i, momentum[i], weight[i], step)
 
 
 @kernel

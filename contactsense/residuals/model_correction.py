@@ -6,6 +6,7 @@ import math
 import numpy as np
 
 from contactsense.kinematics.model import Model, Motion
+from contactsense.kinematics.momenta import of_link_alone
 from contactsense.kinematics.spatial import dot6
 from contactsense.residuals.bias_filter import (
     BASE_BIASES,
@@ -16,7 +17,6 @@ from contactsense.residuals.bias_filter import (
     regressor_of,
 )
 from contactsense.residuals.joint_friction import JointTorqueModel
-from contactsense.residuals.mass_error import of_link_alone
 from contactsense.residuals.momentum_observer import MomentumObserver, group_of
 from contactsense.residuals.observers import Observers
 from contactsense.robots.jit.kernel import kernel
@@ -84,7 +84,7 @@ def _correct_wrench(bias_filter: BiasFilter, model: Model, motion: Motion) -> No
                 model.inertia[k + 1, i, j] *= 1.0 + x[at]
         for i in range(6):
             d_wrench[i] += x[at] * regressor[regressor_of(n, k) + n + i]
-            d_momentum[i] += x[at] * of_link_alone(motion.momentum, k + 1, i)
+            d_momentum[i] += x[at] * of_link_alone(motion.momentum, k + 1)[i]
 
 
 @kernel
@@ -115,8 +115,7 @@ def _correct_joint(
         for k in range(n):
             d_torque += x[masses(n) + k] * bias_filter.mass_regressor.residual[regressor_of(n, k) + j]
         for k in range(j, n):
-            link_momentum = dot6(screw, H[k + 1])
-            link_momentum -= dot6(screw, H[k + 2]) if k + 2 <= n else 0.0
+            link_momentum = dot6(screw, of_link_alone(H, k + 1))
             d_joint_momentum += torque_model.inertia * x[masses(n) + k] * link_momentum
     _shift_observer(observers.joints, j, d_torque, d_joint_momentum, K)
     d_torque -= dot6(screw, d_wrench)
@@ -143,7 +142,7 @@ def _correct_link_sensor(
             for k in range(first_body - 1, n):
                 regressor = bias_filter.mass_regressor.residual[regressor_of(n, k) + n + i]
                 d_link += x[masses(n) + k] * regressor
-                d_link_momentum += x[masses(n) + k] * of_link_alone(motion.momentum, k + 1, i)
+                d_link_momentum += x[masses(n) + k] * of_link_alone(motion.momentum, k + 1)[i]
         _shift_observer(observer, i, d_link, d_link_momentum, K)
         _shift_observer(difference, i, d_link - d_wrench[i], d_link_momentum - d_momentum[i], K)
 

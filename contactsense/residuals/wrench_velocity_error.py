@@ -28,6 +28,7 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
+from contactsense.kinematics.spatial import add_outer
 from contactsense.residuals.sensor_step_change import SensorStepChange, follow_sensor_step
 from contactsense.residuals.timing_error import decay_and_gain
 from contactsense.residuals.velocity_noise import VelocityNoise
@@ -83,7 +84,7 @@ def advance_wrench_velocity_error(
     if history.due:
         state.noise_covariance[:] = 0.0
         for j in range(a.shape[0]):
-            _add_product(state.noise_covariance, a[j], velocities.present[j])
+            add_outer(state.noise_covariance, a[j], velocities.present[j])
     if dt >= 0.0:
         _integrate_noise(state, dt, bandwidth)
         _decay(state.instant_covariance, dt, bandwidth)
@@ -126,15 +127,7 @@ def _add_change(state: WrenchVelocityError, dt: float, bandwidth: float) -> None
     for j in range(state.unit_momentum.shape[0]):
         for i in range(6):
             state.change[i] += state.unit_momentum[j, i] * state.steps.change[j]
-    _add_product(state.instant_covariance, state.change, decay_and_gain(dt, bandwidth)[1])
-
-
-@inlined_kernel
-def _add_product(covariance: np.ndarray, v: np.ndarray, factor: float) -> None:
-    """Add `factor` v v^T."""
-    for i in range(6):
-        for k in range(6):
-            covariance[i, k] += factor * v[i] * v[k]
+    add_outer(state.instant_covariance, state.change, decay_and_gain(dt, bandwidth)[1])
 
 
 @inlined_kernel

@@ -2,7 +2,7 @@
 
 from contactsense.kinematics.composite_inertia import unit_momenta, unit_momenta_of_arm
 from contactsense.kinematics.momenta import body_momentum_and_weight, kinematics_and_momenta
-from contactsense.kinematics.spatial import dot6
+from contactsense.kinematics.spatial import add_outer, dot6
 from contactsense.residuals.bias_filter import mass_covariance, predict
 from contactsense.residuals.equations_of_motion import (
     advance_base,
@@ -12,7 +12,6 @@ from contactsense.residuals.equations_of_motion import (
     wrenches_to_base_frame,
 )
 from contactsense.residuals.inertia_torque import follow_inertia_torque
-from contactsense.residuals.mass_error import add_load_covariance
 from contactsense.residuals.momentum_observer import advance, group_of, start_step
 from contactsense.residuals.noise_scale import follow_noise
 from contactsense.residuals.observers import ResidualParts, start_steps
@@ -82,7 +81,7 @@ def predict_link_sensors(constants: Constants, state: State) -> None:
                 momentum, weight = state.link_load[s, 0, i], state.link_load[s, 1, i]
                 advance(state.load_regressor, 6 * s + i, momentum, weight, step)
             wrench = state.load_regressor.residual[6 * s : 6 * s + 6]
-            add_load_covariance(wrench, constants.inertia_error, covariance)
+            add_outer(covariance, wrench, constants.inertia_error**2)
 
 
 @inlined_kernel

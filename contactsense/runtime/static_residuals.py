@@ -5,13 +5,9 @@ from typing import TypeAlias
 import numpy as np
 
 from contactsense.kinematics.momenta import kinematics_and_momenta
-from contactsense.kinematics.spatial import dot6
+from contactsense.kinematics.spatial import add_outer, dot6
 from contactsense.residuals.joint_friction import unmodelled_torque_std
-from contactsense.residuals.mass_error import (
-    add_load_covariance,
-    add_mass_covariance,
-    mass_torque_variance,
-)
+from contactsense.residuals.mass_error import add_mass_covariance, mass_torque_variance
 from contactsense.robots.jit.array_views import copy
 from contactsense.robots.jit.kernel import inlined_kernel
 from contactsense.runtime.residual_update import update_link_sensors
@@ -90,11 +86,11 @@ def _set_model_errors(constants: Constants, state: State, external: bool) -> Non
     if external or error == 0.0:
         return
     add_mass_covariance(weight, error, 0, base_covariance)
+    error_of_torque = constants.torque_model.gravity * error
     for j in range(torque_variance.shape[0]):
-        error_of_torque = constants.torque_model.gravity * error
         torque_variance[j] = mass_torque_variance(weight, error_of_torque, state.motion.screw[j], j)
     for s in range(state.link_mass_covariance.shape[0]):
         first = constants.link_sensors.first_body[s]
         add_mass_covariance(weight, error, first, state.link_mass_covariance[s])
         if first == weight.shape[0]:
-            add_load_covariance(state.link_load[s, 1], error, state.link_mass_covariance[s])
+            add_outer(state.link_mass_covariance[s], state.link_load[s, 1], error * error)
