@@ -17,7 +17,7 @@ async def exit_code(process: BaseProcess) -> int | None:
     return process.exitcode
 
 
-async def has_ended(connection: asyncio.StreamWriter | None, receiving: asyncio.Task[str]) -> bool:
+async def ask_to_end(connection: asyncio.StreamWriter | None, receiving: asyncio.Task[str]) -> bool:
     """Tell a process to end, and take what it reports of that, such as files that it completes; returns
     whether it has ended in time.
 

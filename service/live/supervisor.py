@@ -33,7 +33,7 @@ from contactsense.service.live.pipeline_connection import (
     REPORT,
 )
 from contactsense.service.live.pipeline_process import ListenerFactory, Source, work
-from contactsense.service.live.process_exit import end, exit_code, has_ended
+from contactsense.service.live.process_exit import ask_to_end, end, exit_code
 from contactsense.service.live.silence import TICK, Silence, process_state
 from contactsense.service.live.status import STALE, Facts, Status, assess
 from contactsense.service.live.status_log import StatusLog
@@ -251,7 +251,7 @@ class Runner:
                     # It is asked for, and no failure; the process may take some time to end.
                     self._process, self._end_reason = "starting", ""
                     writer, self._to_pipeline = self._to_pipeline, None
-                    return "was ended for a new scene", not await has_ended(writer, receiving)
+                    return "was ended for a new scene", not await ask_to_end(writer, receiving)
                 if silence.stopped > _STOPPED:
                     return f"was stopped, or dead, for {_STOPPED:g} s", True
                 if self.loading.advanced is not None and clock() - self.loading.advanced > _STUCK:
