@@ -33,7 +33,8 @@ class Limit:
     """Error at the end of a contact."""
 
     error: float
-    """Distance of the oracle's place from the true one, with the noise of the readings [m]."""
+    """Distance of the oracle's place from the true one, with the noise of the readings [m]; infinite where
+    the place moves after the last window, so that no reading tells where to."""
     predicted: float
     """Square root of the trace of the bound on its covariance [m]."""
 
@@ -117,6 +118,8 @@ def smoothing_limit(
         surfaces: Primitives of all links, for the oracle that knows only them; None: the real surface.
         link: The link.
     """
+    if path.slides and path.end_way > 0.0 and not path.way.any():
+        return Limit(np.inf, np.inf)
     places, normals = np.vstack((path.point, path.end)), np.vstack((path.normal, path.end_normal))
     height = np.zeros(len(places))
     if surfaces is not None:

@@ -29,6 +29,9 @@ class ContactWindows:
 
     t: np.ndarray
     """Middle of each [s], shape (W,)."""
+    weighted_t: np.ndarray
+    """Mean time of each, weighted by the force, shape (W,) [s]: the mean wrench of a contact that slides is
+    that at the place of this time."""
     samples: np.ndarray
     """Samples in each, shape (W,)."""
     q: np.ndarray
@@ -69,4 +72,25 @@ def contact_windows(history: ContactHistory, bandwidth: float) -> ContactWindows
         means.append(((total[end] - total[begin]) + (r[end] - r[begin]) / K) / whole[:, None])
     middle = 0.5 * (t[begin] + t[end])
     q = np.column_stack([np.interp(middle, t, column) for column in history.block.q.T])
-    return ContactWindows(middle, (end - begin).astype(np.float64), q, means[0], means[1], edges)
+    return ContactWindows(
+        middle,
+        _weighted_times(history, edges, means[0][:, :3], K),
+        (end - begin).astype(np.float64),
+        q,
+        means[0],
+        means[1],
+        edges,
+    )
+
+
+def _weighted_times(history: ContactHistory, edges: np.ndarray, mean: np.ndarray, K: float) -> np.ndarray:
+    """Mean time of each window, weighted by the force in the direction of its mean; `mean`: forces, shape
+    (W, 3) [N]; `K`: of the observer [1/s]."""
+    t, r = history.t, history.base_wrench[:, :3]
+    a = np.exp(-K * np.diff(t))[:, None]
+    force = (r[1:] - a * r[:-1]) / (1.0 - a)
+    weight = np.abs(np.einsum("ni,ni->n", force, np.repeat(mean, np.diff(edges), axis=0))) * np.diff(t)
+    middle = 0.5 * (t[1:] + t[:-1])
+    total, moment = (np.add.reduceat(values, edges[:-1]) for values in (weight, weight * middle))
+    even = 0.5 * (t[edges[1:]] + t[edges[:-1]])
+    return np.where(total > 0.0, moment / np.where(total > 0.0, total, 1.0), even)

@@ -1,6 +1,5 @@
 """Smoothing of a contact after its end: link and place from all of its samples together."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -16,8 +15,8 @@ from contactsense.service.analysis.samples.contact_history import ContactHistory
 from contactsense.service.analysis.samples.contact_windows import ContactWindows, contact_windows
 from contactsense.service.analysis.samples.link_windows import link_windows
 from contactsense.service.analysis.smoothing.curved_regions import curvature_covariance
-from contactsense.service.analysis.smoothing.goodness_of_fit import is_good_fit
 from contactsense.service.analysis.smoothing.path_arrays import WindowSums
+from contactsense.service.analysis.smoothing.path_mixture import mixture, moving_paths
 from contactsense.service.analysis.smoothing.place_accessibility import log_accessible_share
 from contactsense.service.analysis.smoothing.place_forces import with_forces_at_place
 from contactsense.service.analysis.smoothing.place_search import LinkMeasurement, Place, PlaceSearch
@@ -31,10 +30,6 @@ STARTS = 6
 """Maximum number of starting points."""
 LOOKS = (0.3, 0.5, 0.7, 0.9)
 """Times at which starting points are taken from a contact, as fractions of its duration."""
-KNOTS = (2, 3, 4, 6, 9, 12)
-"""Number of knots of the path of a sliding contact."""
-KNOT_TIME = 0.1
-"""Minimum time between knots, except for the first two [s]."""
 TRACK = 4
 """Number of live estimates from which the search for a moving path starts."""
 LEAST_PROBABILITY = 0.01
@@ -75,21 +70,24 @@ class ContactSmoother:
         for link, start in self._starts(history, windows):
             if link not in measured:
                 measured[link] = self.measurement(history, windows, link)
-            place = PlaceSearch(self._surfaces, link, self._prior, measured[link], 1).run(
+            place = PlaceSearch(self._surfaces, link, self._prior, measured[link], measured[link].t[:1]).run(
                 start, lowest + HOPELESS
             )
             if place is None or _is_duplicate(place, found):
                 continue
             found.append(place)
             lowest = min(lowest, place.energy)
-            paths = [place, *self._paths(link, place.knots, measured[link])]
-            places += self._explanation(paths, windows)
+            paths = moving_paths(
+                self._surfaces, link, self._prior, measured[link], place.knots, place.log_evidence
+            )
+            places += self._explanation([[place], *paths], windows)
         # A contact that slides far fits no fixed place from the start; the live estimates have followed it.
         for link in set(measured) - {place.link for place in places}:
             track = self._track(history, link)
             if track is not None:
-                places += self._explanation([*self._paths(link, track, measured[link])], windows)
-        return ranked(windows, places, len(self._scene.link_names))
+                paths = moving_paths(self._surfaces, link, self._prior, measured[link], track)
+                places += self._explanation([*paths], windows)
+        return ranked(windows, distinct(places), len(self._scene.link_names))
 
     def with_forces(self, history: ContactHistory, smoothed: SmoothedContact) -> ContactHistory:
         """A contact with the forces that belong to the place which `smooth` has found."""
@@ -106,10 +104,11 @@ class ContactSmoother:
         late = history.link_probability[len(history.rows) // 2 :].mean(axis=0)
         return bool(late[int(first.min()) :].sum() >= LEAST_PROBABILITY)
 
-    def _explanation(self, paths: list[Place], windows: ContactWindows) -> list[Place]:
-        """The paths that fit, combined into one place; empty if no path fits."""
-        paths = [path for path in paths if _fits(path)]
-        return [self._curved(self._touchable(_mixture(paths), windows))] if paths else []
+    def _explanation(self, paths: list[list[Place]], windows: ContactWindows) -> list[Place]:
+        """The paths that fit, combined into one place; empty if no path fits. `paths`: those of each number
+        of knots."""
+        place = mixture(paths)
+        return [] if place is None else [self._curved(self._touchable(place, windows))]
 
     def _curved(self, place: Place) -> Place:
         """The place on the skin, if the scene has one, with the covariance that the surface's curvature
@@ -132,28 +131,6 @@ class ContactSmoother:
             base = history.rows[k, POINT_BASE]
             points.append((base - self._motion.origin[body]) @ self._motion.rotation[body])
         return np.array(points)
-
-    def _paths(self, link: int, path: np.ndarray, measured: LinkMeasurement) -> Iterator[Place]:
-        """Moving paths with increasing numbers of knots, as long as more knots add information; `path`: knots
-        of the first guess, shape (K, 3)."""
-        duration = float(measured.t[-1] - measured.t[0])
-        best = -np.inf
-        for knots in KNOTS:
-            if knots > 2 and duration < KNOT_TIME * (knots - 1):
-                break
-            if len(measured.t) < 2 * knots:
-                break
-            search = PlaceSearch(self._surfaces, link, self._prior, measured, knots)
-            grid = np.linspace(0.0, 1.0, len(path))
-            at = np.linspace(0.0, 1.0, knots)
-            start = np.column_stack([np.interp(at, grid, column) for column in path.T])
-            found = search.run(start)
-            if found is None:
-                break
-            yield found
-            if found.log_evidence < best:
-                break
-            best, path = found.log_evidence, found.knots
 
     def _touchable(self, place: Place, windows: ContactWindows) -> Place:
         """The place with the evidence that it can be touched at the start, middle and end of the contact."""
@@ -208,7 +185,7 @@ class ContactSmoother:
             np.maximum(variance, 1e-8),
             square,
             rows,
-            windows.t,
+            windows.weighted_t,
         )
 
     def _starts(self, history: ContactHistory, windows: ContactWindows) -> list[tuple[int, np.ndarray]]:
@@ -251,30 +228,14 @@ class ContactSmoother:
         return found
 
 
-def _fits(place: Place) -> bool:
-    """Whether one contact at that place explains all windows; it does not if there were two successive
-    contacts."""
-    return is_good_fit(2.0 * place.energy, place.freedom)
-
-
-def _mixture(paths: list[Place]) -> Place:
-    """One place from a fixed one and the paths that started there: mean and covariance over them, weighted by
-    their evidence. A fixed and a moving place have equal prior probability."""
-    moving = max(sum(path.sliding for path in paths), 1)
-    evidence = np.array([p.log_evidence - np.log(2.0 * (moving if p.sliding else 1)) for p in paths])
-    weight = np.exp(evidence - evidence.max())
-    total = weight.sum()
-    weight /= total
-    point = np.einsum("p,pwi->wi", weight, [path.point for path in paths])
-    away = np.array([path.point for path in paths]) - point
-    covariance = np.einsum("p,pwik->wik", weight, [path.covariance for path in paths])
-    covariance += np.einsum("p,pwi,pwk->wik", weight, away, away)
-    return replace(
-        paths[int(np.argmax(weight))],
-        log_evidence=float(evidence.max() + np.log(total)),
-        point=point,
-        covariance=covariance,
-    )
+def distinct(places: list[Place]) -> list[Place]:
+    """The places without those that another one with more evidence repeats: searches from different points
+    may end on the same path."""
+    found: list[Place] = []
+    for place in sorted(places, key=lambda place: -place.log_evidence):
+        if not _is_duplicate(place, found):
+            found.append(place)
+    return found
 
 
 def _is_duplicate(place: Place, others: list[Place]) -> bool:

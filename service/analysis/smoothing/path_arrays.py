@@ -4,6 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+STEPS = 8
+"""Steps into which the chord between two knots is divided to follow the surface."""
+
 
 class WindowSums(NamedTuple):
     """Information of each window about the wrench in the link's frame: sums over its measurements, in units
@@ -30,6 +33,10 @@ class PathArrays(NamedTuple):
     """Knot before each window, shape (W,), int64."""
     fraction: np.ndarray
     """Fraction of the way to the next one, shape (W,)."""
+    chord: np.ndarray
+    """The same as a fraction of the chord between them, filled by `eliminate_forces`, shape (W,)."""
+    way: np.ndarray
+    """Scratch: way along the surface after each step of a chord, shape (STEPS + 1,) [m]."""
 
 
 class EliminationArrays(NamedTuple):

@@ -17,6 +17,7 @@ from contactsense.robots.surface.convex_primitives import Surfaces
 from contactsense.robots.surface.union import nearest
 from contactsense.robots.vectors import Vector, add_scaled, cross, dot, scale, tangents, vector
 from contactsense.service.analysis.smoothing.path_arrays import EliminationArrays, PathArrays, WindowSums
+from contactsense.service.analysis.smoothing.surface_way import fill_chord_fractions
 
 
 @kernel
@@ -49,7 +50,8 @@ def eliminate_forces(
         link: The link.
         prior_rows: Precision of tangential force, any force and torsion in each window, shape (W, 3).
         windows: L, a and M of each window, see `WindowSums`.
-        path: Knots and their tangents, and which knots a window lies between, see `PathArrays`.
+        path: Knots on the surface and their tangents, and between which knots a window lies, see
+            `PathArrays`.
         b: Biases, shape (B,).
         out: Results, see `EliminationArrays`; matrix and gradient are added to.
         derivatives: Whether matrix and gradient are asked for.
@@ -62,6 +64,7 @@ def eliminate_forces(
     biases, knots = b.shape[0], path.places.shape[0]
     energy = 0.0
     G, LG, H, E = out.G, out.LG, out.H, out.E
+    fill_chord_fractions(surfaces, link, path)
     for w in range(a.shape[0]):
         place, normal = _place(w, surfaces, link, path, out)
         _fill_moments(place, normal, G)
@@ -107,8 +110,9 @@ def _place(
     if w > 0 and knots == 1:
         point, normal = vector(out.point[0]), vector(out.normal[0])
     else:
-        a, b = scale(1.0 - alpha, vector(path.places[k])), vector(path.places[following])
-        point, normal = _nearest(surfaces, link, add_scaled(a, alpha, b))
+        c = path.chord[w]
+        a, b = scale(1.0 - c, vector(path.places[k])), vector(path.places[following])
+        point, normal = _nearest(surfaces, link, add_scaled(a, c, b))
     out.point[w, 0], out.point[w, 1], out.point[w, 2] = point
     out.normal[w, 0], out.normal[w, 1], out.normal[w, 2] = normal
     h = (1.0 - alpha) * path.offset[k] + alpha * path.offset[following]

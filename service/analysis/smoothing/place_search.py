@@ -13,8 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from contactsense.robots.surface.convex_primitives import Surfaces
-from contactsense.service.analysis.smoothing.path_arrays import EliminationArrays, PathArrays, WindowSums
+from contactsense.service.analysis.smoothing.path_arrays import (
+    STEPS,
+    EliminationArrays,
+    PathArrays,
+    WindowSums,
+)
 from contactsense.service.analysis.smoothing.path_elimination import eliminate_forces, project_knots
+from contactsense.service.analysis.smoothing.path_prior import IncrementPrior, drag_prior, undirected_prior
 from contactsense.solvers.posterior.contact_prior import STUDENT_DOF, Prior
 
 ITERATIONS = 25
@@ -26,16 +32,15 @@ RESCALED = 8
 force."""
 CONVERGED = 1e-2
 """Decrease of the energy that ends the search."""
-SLIDING_SPEED = 0.02
-"""Scale of the speed at which contacts slide over a link [m/s]."""
-SPEED_DOF = 1.0
-"""Degrees of freedom of the Student t distribution of that speed: some contacts slide much faster."""
 SURFACE_DOF, SURFACE_SCALE = 2.0, 0.5
 """Degrees of freedom of the Student t distribution of the surface's offset, and its scale as a fraction of
 the scene's standard deviation: most of a link is nearer to its primitives than that, its details are farther
 away."""
 LARGEST_OFFSET = 6.0
 """Maximum offset in units of that standard deviation."""
+UNEVENNESS = 0.02
+"""Standard deviation of the place from an even motion between two knots, as a fraction of their distance:
+nothing slides at a constant speed on a straight line."""
 NORMAL_DEVIATION = 0.1
 """Standard deviation of the real surface's normal from that of the primitive [rad]."""
 LEAST_SHARE = 0.2
@@ -103,17 +108,25 @@ class PlaceSearch:
     """The search on one link."""
 
     def __init__(
-        self, surfaces: Surfaces, link: int, prior: Prior, measured: LinkMeasurement, knots: int
+        self,
+        surfaces: Surfaces,
+        link: int,
+        prior: Prior,
+        measured: LinkMeasurement,
+        times: np.ndarray,
+        speed: float = 0.0,
     ) -> None:
-        """`knots`: 1 for a fixed place, otherwise the number of places between which it moves."""
+        """`times`: increasing times of the knots, from the first window to the last one, shape (K,) [s]; a
+        fixed place has one. `speed`: standard deviation of the velocity in each tangential direction, as long
+        as its direction is unknown [m/s]."""
         self._surfaces, self._link, self._prior, self._m = surfaces, link, prior, measured
-        t = measured.t
-        self._knots, self._share = knots, 1.0 / len(t)
-        self._step = (t[-1] - t[0]) / (knots - 1) if knots > 1 else 1.0
-        at = (t - t[0]) / self._step if knots > 1 else np.zeros(len(t))
-        self._knot = np.minimum(at.astype(np.int64), max(knots - 2, 0))
-        self._fraction = at - self._knot
-        self._sigma = SLIDING_SPEED * self._step
+        self._knots, self._share = len(times), 1.0 / len(measured.t)
+        step = np.diff(times)
+        self._knot = np.clip(np.searchsorted(times, measured.t, side="right") - 1, 0, max(len(step) - 1, 0))
+        self._fraction = (
+            (measured.t - times[self._knot]) / step[self._knot] if len(step) else 0.0 * measured.t
+        )
+        self._sigma = speed * step
 
     def run(self, start: np.ndarray, limit: float = np.inf) -> Place | None:
         """Search from a point, shape (3,), or a path of knots, shape (K, 3), near the surface, link frame
@@ -130,13 +143,13 @@ class PlaceSearch:
         h, b = np.zeros(K), np.zeros(B)
         largest = LARGEST_OFFSET * self._prior.surface_deviation
         state = self._evaluate(places, h, b, None, False)
-        scale = state.scale
+        scale, increments = state.scale, state.increments
         for iteration in range(ITERATIONS):
             if iteration == FIRST_STEPS and state.energy > limit:
                 return None
             if iteration < RESCALED:
-                scale = self._scale(state)
-            state = self._evaluate(state.places, h, b, scale, True)
+                scale, increments = self._scale(state), self._increments(state)
+            state = self._evaluate(state.places, h, b, scale, True, increments)
             if not np.isfinite(state.energy):
                 return None
             step = -np.linalg.solve(state.matrix, state.gradient)
@@ -148,7 +161,7 @@ class PlaceSearch:
             for _ in range(5):
                 h1 = np.clip(h + size * change[:, 2], -largest, largest)
                 b1 = b + size * step[3 * K :]
-                tried = self._evaluate(state.places + size * v, h1, b1, scale, False)
+                tried = self._evaluate(state.places + size * v, h1, b1, scale, False, increments)
                 if tried.energy < state.energy and (tried.push > 0.0 or state.push <= 0.0):
                     gained = state.energy - tried.energy
                     h, b, state = h1, b1, tried
@@ -156,7 +169,8 @@ class PlaceSearch:
                 size *= 0.4
             if gained < CONVERGED:
                 break
-        return self._result(self._evaluate(state.places, h, b, self._scale(state), True), h)
+        scale, increments = self._scale(state), self._increments(state)
+        return self._result(self._evaluate(state.places, h, b, scale, True, increments), h)
 
     def _scale(self, state: "_State") -> np.ndarray:
         """Magnitude of the normal force and weight of the lean's prior in each window, shape (W, 2)."""
@@ -168,8 +182,18 @@ class PlaceSearch:
         rho = lean / (self._prior.friction_ratio * F) ** 2
         return np.column_stack((F, (STUDENT_DOF + 2.0) / (STUDENT_DOF + rho)))
 
+    def _increments(self, state: "_State") -> IncrementPrior:
+        """What the forces tell of the increments of the path."""
+        return drag_prior(state.u[:, :3], state.normal, self._knot, self._sigma)
+
     def _evaluate(
-        self, places: np.ndarray, h: np.ndarray, b: np.ndarray, scale: np.ndarray | None, derivatives: bool
+        self,
+        places: np.ndarray,
+        h: np.ndarray,
+        b: np.ndarray,
+        scale: np.ndarray | None,
+        derivatives: bool,
+        increments: IncrementPrior | None = None,
     ) -> "_State":
         m, prior, K = self._m, self._prior, self._knots
         W, B = len(m.t), len(b)
@@ -180,7 +204,9 @@ class PlaceSearch:
         rows[:, 0] = self._share * scale[:, 1] / (prior.friction_ratio * F) ** 2
         rows[:, 1] = 0.25 * self._share / prior.force**2
         rows[:, 2] = self._share / (prior.torsion_lever * F) ** 2
-        path = PathArrays(places, h, np.empty((K, 2, 3)), self._knot, self._fraction)
+        path = PathArrays(
+            places, h, np.empty((K, 2, 3)), self._knot, self._fraction, np.empty(W), np.empty(STEPS + 1)
+        )
         size = 3 * K + B
         out = EliminationArrays(
             np.empty((W, 3)), np.empty((W, 3)), np.empty((W, 4)), np.zeros((size, size)), np.zeros(size),
@@ -204,20 +230,14 @@ class PlaceSearch:
             at = np.arange(2, 3 * K, 3)
             S[at, at] += weight
             g[at] += weight * h
-        if K > 1:
-            d = np.diff(places, axis=0)
-            square = np.sum(d * d, axis=1) / self._sigma**2
-            energy += 0.5 * (SPEED_DOF + 2.0) * float(np.sum(np.log1p(square / SPEED_DOF)))
-            if derivatives:
-                weight = (SPEED_DOF + 2.0) / (SPEED_DOF + square) / self._sigma**2
-                # Rows of the increments' derivatives by all knots' tangential coordinates.
-                J = np.zeros((K - 1, 3, 3 * K))
-                for k in range(K - 1):
-                    J[k, :, 3 * k : 3 * k + 2] = -path.frames[k].T
-                    J[k, :, 3 * k + 3 : 3 * k + 5] = path.frames[k + 1].T
-                S[: 3 * K, : 3 * K] += np.einsum("k,kis,kir->sr", weight, J, J)
-                g[: 3 * K] += np.einsum("k,kis,ki->s", weight, J, d)
-        return _State(energy, places, path.frames, S, g, out.point, out.normal, out.u, out.total, scale)
+        if increments is None:
+            increments = undirected_prior(self._sigma)
+        energy += increments.energy(places)
+        if derivatives:
+            increments.add_derivatives(places, path.frames, S, g)
+        return _State(
+            energy, places, path.frames, S, g, out.point, out.normal, out.u, out.total, scale, increments
+        )
 
     def _result(self, state: "_State", h: np.ndarray) -> Place | None:
         """The result of the search."""
@@ -241,7 +261,7 @@ class PlaceSearch:
         )
         # Laplace's integral over the first place (uniform over the link), increments and offsets.
         log_prior += prior.log_link_density[self._link]
-        log_prior += np.log(2.0 * np.pi / prior.area) - 2.0 * (K - 1) * np.log(self._sigma)
+        log_prior += np.log(2.0 * np.pi / prior.area) - state.increments.log_scale
         log_prior += K * (LOG_PEAK - np.log(SURFACE_SCALE * prior.surface_deviation))
         evidence = log_prior - state.energy - 0.5 * log_det - 0.5 * log_det_force
         # The peak of the offset's distribution is narrower than the distribution.
@@ -262,6 +282,9 @@ class PlaceSearch:
         # The moment of the torsion rotates with the normal, which shifts the place.
         lever = float(np.sum(np.abs(F * state.u[:, 3])) / np.sum(F * F))
         covariance += (NORMAL_DEVIATION * lever) ** 2 * tangential
+        if K > 1:
+            length = np.linalg.norm(np.diff(state.places, axis=0), axis=1)[self._knot]
+            covariance += (UNEVENNESS * length[:, None, None]) ** 2 * tangential
         return Place(
             self._link,
             float(evidence),
@@ -287,6 +310,7 @@ class _State:
     u: np.ndarray
     total: np.ndarray
     scale: np.ndarray
+    increments: IncrementPrior
 
     @property
     def push(self) -> float:

@@ -31,7 +31,7 @@ class SmoothedContact:
     def at(self, t: np.ndarray, number: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Places [m], outward normals and covariances [m^2] of one of the explanations, the best one by
         default, at K times [s], link frame, shapes (K, 3), (K, 3) and (K, 3, 3)."""
-        chosen, times = self.places[number], self.windows.t
+        chosen, times = self.places[number], self.windows.weighted_t
         nearest = np.searchsorted(0.5 * (times[1:] + times[:-1]), t)
         if self.jumps:
             return chosen.point[nearest], chosen.normal[nearest], chosen.covariance[nearest]

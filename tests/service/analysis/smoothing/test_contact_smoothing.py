@@ -1,5 +1,6 @@
 """The second look: windows without the low-pass, places within their covariance, slides followed."""
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -46,6 +47,24 @@ def test_windows_hold_the_true_mean_force_also_where_it_changes(histories: list[
             noise = SCENE.base_wrench.force_noise / np.sqrt(windows.samples[w])
             # What the bias filter does not know is a few times the noise of a window.
             np.testing.assert_allclose(windows.base_wrench[w, :3], true, atol=6.0 * noise + 0.1)
+
+
+def test_the_time_of_a_window_is_weighted_by_the_force(histories: list[ContactHistory]) -> None:
+    """In a window in which the force rises or falls, most of it acts late or early."""
+    motion, weighted, even = demo(), [], []
+    for history, touch in zip(histories, motion.touches, strict=True):
+        windows = contact_windows(history, SCENE.bandwidth)
+        assert windows is not None
+        for w, (begin, end) in enumerate(itertools.pairwise(history.t[windows.edges])):
+            first, last = (round(t * motion.rate) - touch.first for t in (begin, end))
+            if first < 0 or last + 1 > len(touch.force_base):
+                continue
+            force = np.linalg.norm(touch.force_base[first : last + 1], axis=1)
+            true = np.average(np.linspace(begin, end, last + 1 - first), weights=force)
+            weighted.append(windows.weighted_t[w] - true)
+            even.append(windows.t[w] - true)
+            assert begin <= windows.weighted_t[w] <= end
+    assert np.sqrt(np.mean(np.square(weighted))) < 0.5 * np.sqrt(np.mean(np.square(even)))
 
 
 def test_no_joint_turns_far_within_a_window(histories: list[ContactHistory]) -> None:

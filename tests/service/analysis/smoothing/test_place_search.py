@@ -35,10 +35,11 @@ def surfaces() -> Surfaces:
     return pack([Link("flat", BODY, (BOX,)), Link("tilted", BODY, (TILTED,))])
 
 
-def measured(wrench: np.ndarray, duration: float = 1.0) -> LinkMeasurement:
-    """Noisy wrenches of W windows, in the frame of both links; biases are known well."""
+def measured(wrench: np.ndarray, duration: float = 1.0, noise: float = 1.0) -> LinkMeasurement:
+    """Noisy wrenches of W windows, in the frame of both links; biases are known well. `noise`: in units of
+    `NOISE`."""
     W = len(wrench)
-    information = np.diag(NOISE**-2.0)
+    information = np.diag((noise * NOISE) ** -2.0)
     return LinkMeasurement(
         WindowSums(np.tile(information, (W, 1, 1)), wrench @ information, np.tile(information, (W, 1, 1))),
         W * information,
@@ -60,11 +61,17 @@ def contact(rng: np.random.Generator, begin: np.ndarray, end: np.ndarray, window
     return np.hstack((force, moment)) + NOISE * rng.standard_normal((windows, 6))
 
 
+def path_search(data: LinkMeasurement, knots: int, link: int = 0, prior: Prior = PRIOR) -> PlaceSearch:
+    """A search with knots at equal times."""
+    times = np.linspace(data.t[0], data.t[-1], knots) if knots > 1 else data.t[:1]
+    return PlaceSearch(surfaces(), link, prior, data, times, 0.03)
+
+
 @pytest.mark.parametrize("knots", [1, 3])
 def test_the_gradient_is_that_of_the_energy(knots: int) -> None:
     rng = np.random.default_rng(1)
     wrench = contact(rng, np.array([0.02, 0.01, TOP]), np.array([0.05, -0.02, TOP]))
-    search = PlaceSearch(surfaces(), 0, PRIOR, measured(wrench), knots)
+    search = path_search(measured(wrench), knots)
     places = np.array([[0.02, 0.01, TOP], [0.03, 0.0, TOP], [0.06, -0.01, TOP]])[:knots]
     h, b = 2e-4 * rng.standard_normal(knots), 1e-4 * rng.standard_normal(6)
     scale = np.column_stack((np.full(16, 10.0), np.full(16, 1.2)))
@@ -86,9 +93,7 @@ def test_nine_of_ten_places_lie_in_their_90_percent_region() -> None:
         # The real surface is off by as much as the prior says.
         height = TOP + PRIOR.surface_deviation * rng.standard_normal()
         begin = np.array([*rng.uniform(-0.08, 0.08, 2), height])
-        place = PlaceSearch(surfaces(), 0, PRIOR, measured(contact(rng, begin, begin)), 1).run(
-            begin + np.array([0.01, -0.01, 0.0])
-        )
+        place = path_search(measured(contact(rng, begin, begin)), 1).run(begin + np.array([0.01, -0.01, 0.0]))
         assert place is not None
         error = place.point[-1] - begin
         inside.append(error @ np.linalg.solve(place.covariance[-1], error) < 6.251)
@@ -102,13 +107,13 @@ def test_a_slide_is_told_from_a_hold_and_followed() -> None:
     hold, slide = (measured(contact(rng, begin, last)) for last in (begin, end))
 
     def evidence(data: LinkMeasurement, knots: int) -> float:
-        place = PlaceSearch(surfaces(), 0, PRIOR, data, knots).run(begin)
+        place = path_search(data, knots).run(begin)
         assert place is not None
         return place.log_evidence
 
     assert evidence(hold, 1) > evidence(hold, 2) > evidence(hold, 4)
     assert evidence(slide, 2) > evidence(slide, 1) + 10.0
-    path = PlaceSearch(surfaces(), 0, PRIOR, slide, 2).run(begin)
+    path = path_search(slide, 2).run(begin)
     assert path is not None
     assert path.sliding
     for at, truth in ((0, begin), (-1, end)):
@@ -134,7 +139,7 @@ def test_how_finely_a_constant_force_is_cut_is_no_evidence_for_a_link() -> None:
             square=share * data.square,
         )
         places = [
-            PlaceSearch(surfaces(), link, PRIOR, data, 1).run(start)
+            path_search(data, 1, link).run(start)
             for link, start in ((0, begin), (1, np.array([0.02, 0.01, -0.25])))
         ]
         assert places[0] is not None
@@ -163,7 +168,7 @@ def test_the_prior_over_links_adds_to_the_evidence_of_a_place() -> None:
     begin = np.array([0.01, 0.02, TOP])
     data = measured(contact(np.random.default_rng(5), begin, begin))
     found = [
-        PlaceSearch(surfaces(), 0, prior, data, 1).run(begin)
+        path_search(data, 1, prior=prior).run(begin)
         for prior in (PRIOR, PRIOR._replace(log_link_density=np.array([0.7, -2.0])))
     ]
     assert found[0] is not None
