@@ -172,6 +172,8 @@ class Clips:
         """Process a report of the pipeline."""
         if report["type"] == "recorder started":
             self._resume()
+        elif report["type"] == "recorder warning":
+            log.warning(report["text"])
         elif report["type"] == "clip" and report["number"] in self.clips:
             clip = self.clips[report["number"]]
             clip.file, clip.samples = report["file"], report["samples"]

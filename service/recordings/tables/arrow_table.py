@@ -7,7 +7,14 @@ from typing import Any
 import pyarrow as pa
 
 from contactsense.service.recordings.problems import Problem
-from contactsense.service.recordings.tables.table import Columns, floats, not_numeric, numeric, text_metadata
+from contactsense.service.recordings.tables.table import (
+    Columns,
+    floats,
+    not_numeric,
+    numeric,
+    reason,
+    text_metadata,
+)
 
 _ARROW = b"ARROW1"
 """The first bytes of an Arrow IPC file; a stream does not have them."""
@@ -44,8 +51,14 @@ class ArrowTable:
                     batch = next(source_batches)
                 except StopIteration:
                     return
-                except (OSError, pa.ArrowException):
-                    self.problems.append(Problem(row, row, "cut_short", "the file ends within a batch"))
+                except (OSError, pa.ArrowException) as error:
+                    self.problems.append(Problem(row, row, "cut_short", _why_cut_short(error)))
                     return
                 yield row, floats(batch, names)
                 row += batch.num_rows
+
+
+def _why_cut_short(error: Exception) -> str:
+    if isinstance(error, OSError) and error.errno is not None:  # none where Arrow expected more bytes
+        return f"the rest cannot be read: {reason(error)}"
+    return "the file ends within a batch"

@@ -66,7 +66,8 @@ class ClipListener:
 
     Commands: `{"type": "clip", "number", "before", "after", "reason"}` and
     `{"type": "record", "on": true}`. Reports: `{"type": "clip", "number", "file", "samples", "error"}`,
-    `{"type": "recording", "on", "rows", "error"}`, and first of all `{"type": "recorder started"}`.
+    `{"type": "recording", "on", "rows", "error"}`, `{"type": "recorder warning", "text"}`, and first of all
+    `{"type": "recorder started"}`.
     """
 
     def __init__(self, scene: Scene, settings: RecordingSettings, rate: float) -> None:
@@ -76,7 +77,8 @@ class ClipListener:
         # A row's last value is its time on the monotonic clock, by which clips are cut: the host's clock may
         # be set at any moment.
         self._ring = Ring(max(_CHUNK, int(60.0 * settings.minutes * rate)), len(self._rows.names) + 1)
-        self._oldest_clips = OldestFiles(self._folder, CLIP, int(1e6 * settings.disk_megabytes))
+        limit = int(1e6 * settings.disk_megabytes)
+        self._oldest_clips = OldestFiles(self._folder, CLIP, limit, self._warn)
         self._rate = rate
         self._wanted: list[_Wanted] = []
         self._reports: list[dict[str, Any]] = [{"type": "recorder started"}]
@@ -183,8 +185,9 @@ class ClipListener:
                         meta = metadata(self._scene, table=CONTINUOUS, **removed_delays(self._scene))
                         limit = Rotation(disk_megabytes=self._settings.disk_megabytes)
                         writer = SegmentWriter(
-                            self._folder, CONTINUOUS, self._rows.names, meta, limit, rate=self._rate
-                        )
+                            self._folder, CONTINUOUS, self._rows.names, meta, limit, rate=self._rate,
+                            warn=self._warn,
+                        )  # fmt: skip
                     for row in self._rows.stored(value):
                         writer.add(row)
                     writer.flush()
@@ -208,6 +211,9 @@ class ClipListener:
             self._done += rows_taken
             if kind == "end":
                 return
+
+    def _warn(self, text: str) -> None:
+        self._reports.append({"type": "recorder warning", "text": text})
 
     def _report_clip(self, wanted: _Wanted, rows: np.ndarray) -> None:
         """Write a clip; one that fails is reported, and ends no recording."""

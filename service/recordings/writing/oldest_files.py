@@ -1,7 +1,11 @@
 """Removes the oldest files of a kind in a folder, so that they take a limited space on the disk."""
 
+import logging
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+
+_LOG = logging.getLogger("contactsense")
 
 
 class OldestFiles:
@@ -14,10 +18,16 @@ class OldestFiles:
         folder: Where they are.
         prefix: First part of their names.
         limit: Space that they may take [bytes].
+        warn: Told once of each file that cannot be removed. It is not counted any more: the files that can
+            be removed would have to make room for it.
     """
 
-    def __init__(self, folder: Path, prefix: str, limit: int) -> None:
+    def __init__(
+        self, folder: Path, prefix: str, limit: int, warn: Callable[[str], None] = _LOG.warning
+    ) -> None:
         self._folder, self._pattern, self._limit = folder, f"{prefix}-*.parquet", limit
+        self._warn = warn
+        self._not_removed: set[str] = set()
         self._later: dict[str, tuple[str, int]] = {}
         """Name of a file that is newer than its name says -> its place in the order of age."""
 
@@ -37,13 +47,26 @@ class OldestFiles:
         for file in sorted(others, key=self._age):
             if taken <= self._limit:
                 break
-            with suppress(FileNotFoundError):
-                file.unlink()
+            if self._unlink(file):
+                removed.append(file)
             taken -= sizes[file]
-            removed.append(file)
         left = {file.name for file in others} - {file.name for file in removed} | {written.name}
         self._later = {name: age for name, age in self._later.items() if name in left}
         return removed
+
+    def _unlink(self, file: Path) -> bool:
+        """Remove a file; returns False if it cannot be removed."""
+        try:
+            file.unlink(missing_ok=True)
+        except OSError as error:
+            if file.name not in self._not_removed:
+                self._warn(
+                    f"{file} cannot be removed, and is not counted in the disk space that such files may "
+                    f"take: {error.strerror}"
+                )
+            self._not_removed.add(file.name)
+            return False
+        return True
 
     def _age(self, file: Path) -> tuple[str, int]:
         return self._later.get(file.name, (file.name, 0))

@@ -5,16 +5,17 @@ when it reaches a given size or duration. One thread writes the streams and anot
 segments to Parquet: a busy disk holds up a write for seconds, during which a thread that reads sensors would
 lose readings. Both are scheduled normally where that thread runs in real time. Unfinished files of a killed
 writer are converted to Parquet at the next start; those of a writer that still runs are locked and left
-alone.
+alone. So are those that cannot be read, which is told.
 """
 
 import errno
+import logging
 import os
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
@@ -30,9 +31,13 @@ from contactsense.service.recordings.problems import RecordingError
 from contactsense.service.recordings.tables.table import reason
 from contactsense.service.recordings.writing.oldest_files import OldestFiles
 
+_LOG = logging.getLogger("contactsense")
 OPEN, DONE, PARTIAL = ".arrows", ".parquet", ".parquet.part"
 ROW_GROUP_SECONDS = 60.0
 """Length of a row group of the Parquet files [s]."""
+_GROUP = 30_000
+"""Rows of such a group where their rate is not known."""
+_STAYS = "it stays as it is, and the next start in its folder tries again"
 _MOST_BATCHES = 100
 """Number of batches that may wait for the disk before the thread that adds rows waits, too."""
 
@@ -60,6 +65,7 @@ class SegmentWriter:
         rotation: When a segment is closed.
         flush_seconds: Maximum time that rows wait in memory [s].
         rate: Expected rate of rows [Hz]; determines the buffer size.
+        warn: Told what goes wrong with earlier files, while later ones are written all the same.
 
     Raises:
         RecordingError: The folder cannot be written.
@@ -75,6 +81,7 @@ class SegmentWriter:
         *,
         flush_seconds: float = 0.5,
         rate: float = 500.0,
+        warn: Callable[[str], None] = _LOG.warning,
     ) -> None:
         self._folder, self._prefix = folder, prefix
         self._rotation = rotation or Rotation()
@@ -100,12 +107,13 @@ class SegmentWriter:
         self.files: list[Path] = []
         """Complete files, in order; a thread changes it."""
         limit = self._rotation.disk_megabytes
-        self._oldest = None if limit is None else OldestFiles(folder, prefix, int(1e6 * limit))
+        self._oldest = None if limit is None else OldestFiles(folder, prefix, int(1e6 * limit), warn)
+        self._warn = warn
         self.removed = 0
         """Number of files that were removed to keep the limit of the disk space, also of earlier runs."""
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            self.repaired = repair(folder, prefix)
+            self.repaired = repair(folder, prefix, warn)
             """Unfinished files of an earlier run that were repaired."""
         except OSError as error:
             raise RecordingError(f"{folder}: cannot write: {reason(error)}") from None
@@ -214,7 +222,11 @@ class SegmentWriter:
 
     def _complete(self, path: Path, locked: IO[bytes]) -> None:
         with locked:
-            done = to_parquet(path, self._group)
+            try:
+                done = to_parquet(path, self._group)
+            except UnreadableSegmentError as error:  # it may be readable later, or in part
+                self._warn(f"{error}; {_STAYS}")
+                return
         if done is not None:
             self.files.append(done)
         if done is not None and self._oldest is not None:
@@ -223,24 +235,32 @@ class SegmentWriter:
             self.files = [file for file in self.files if file not in removed]
 
 
-def to_parquet(path: Path, group: int = 30_000) -> Path | None:
+class UnreadableSegmentError(RecordingError):
+    """The disk, or the network that it is on, does not give back what was written; the message names the file
+    and the reason."""
+
+
+def to_parquet(path: Path, group: int = _GROUP) -> Path | None:
     """Convert one Arrow stream to a Parquet file in the same folder and remove it; None if it contains no
     row.
 
     The Parquet file appears under its name only when it is complete.
+
+    Raises:
+        UnreadableSegmentError: The stream cannot be read to its end; it stays as it is.
+        OSError: The Parquet file cannot be written.
     """
     done, part = path.with_suffix(DONE), path.with_suffix(PARTIAL)
     rows = 0
     try:
         with (
-            pa.OSFile(str(path)) as source,
-            pa.ipc.open_stream(source) as stream,
+            _opened(path) as stream,
             pa_parquet.ParquetWriter(part, stream.schema, compression="zstd") as writer,
         ):
             pending: list[pa.RecordBatch] = []
             waiting = 0
             while True:
-                batch = _next(stream)
+                batch = _next(stream, path)
                 if batch is not None:
                     pending.append(batch)
                     waiting += batch.num_rows
@@ -252,6 +272,9 @@ def to_parquet(path: Path, group: int = 30_000) -> Path | None:
                     break
     except pa.ArrowInvalid:
         rows = 0  # not even the schema was written
+    except UnreadableSegmentError:
+        part.unlink(missing_ok=True)
+        raise
     if rows == 0:
         part.unlink(missing_ok=True)
         path.unlink()
@@ -263,26 +286,49 @@ def to_parquet(path: Path, group: int = 30_000) -> Path | None:
     return done
 
 
-def _next(stream: pa.RecordBatchStreamReader) -> pa.RecordBatch | None:
+@contextmanager
+def _opened(path: Path) -> Iterator[pa.RecordBatchStreamReader]:
+    with ExitStack() as files:
+        try:
+            source = files.enter_context(pa.OSFile(str(path)))
+            stream = files.enter_context(pa.ipc.open_stream(source))
+        except FileNotFoundError:
+            raise  # somebody has removed it
+        except OSError as error:
+            raise UnreadableSegmentError(f"{path}: cannot be read: {reason(error)}") from None
+        yield stream
+
+
+def _next(stream: pa.RecordBatchStreamReader, path: Path) -> pa.RecordBatch | None:
     """The next complete batch; None at the end, even if the stream ends in the middle of a batch."""
     try:
         return stream.read_next_batch()
-    except (StopIteration, OSError, pa.ArrowException):
+    except OSError as error:
+        if error.errno is None:  # Arrow expected more bytes
+            return None
+        raise UnreadableSegmentError(f"{path}: cannot be read to its end: {reason(error)}") from None
+    except (StopIteration, pa.ArrowException):
         return None
 
 
-def repair(folder: Path, prefix: str = "") -> list[Path]:
+def repair(folder: Path, prefix: str = "", warn: Callable[[str], None] = _LOG.warning) -> list[Path]:
     """Complete the segments that a killed writer left open in a folder, and return their Parquet files."""
     for part in folder.glob(f"{prefix}*{PARTIAL}"):
         if not part.with_suffix("").with_suffix(OPEN).exists():
             part.unlink()
-    found = [_repaired(path) for path in sorted(folder.glob(f"{prefix}*{OPEN}"))]
+    found = [_repaired(path, warn) for path in sorted(folder.glob(f"{prefix}*{OPEN}"))]
     return [path for path in found if path is not None]
 
 
-def _repaired(path: Path) -> Path | None:
-    with path.open("rb") as stream:
-        with suppress(OSError):  # a file system without locks
-            if AVAILABLE and not lock(stream):
-                return None  # another writer has it open
-        return to_parquet(path)
+def _repaired(path: Path, warn: Callable[[str], None]) -> Path | None:
+    try:
+        with path.open("rb") as stream:
+            with suppress(OSError):  # a file system without locks
+                if AVAILABLE and not lock(stream):
+                    return None  # another writer has it open
+            return to_parquet(path)
+    except UnreadableSegmentError as error:
+        warn(f"{error}; {_STAYS}")
+    except OSError as error:  # such as files of another user
+        warn(f"{path}: cannot be completed: {reason(error)}; {_STAYS}")
+    return None

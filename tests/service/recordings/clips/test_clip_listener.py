@@ -51,6 +51,26 @@ def test_a_clip_that_cannot_be_written_is_reported_and_ends_no_recording(tmp_pat
     assert "File exists" in clips.clips[1].error
 
 
+def test_a_clip_is_written_though_an_old_one_cannot_be_removed(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    settings = RecordingSettings(folder=tmp_path, minutes=0.1, disk_megabytes=1e-6)
+    old = tmp_path / "clip-0.parquet"
+    old.mkdir()  # no user may unlink it
+    clips = Clips(settings, lambda _: True)
+    listener = ClipListener(SCENE, settings, 500.0)
+    for i in range(10):
+        listener.receive(sample(i), estimate(i))
+    listener.command(clips.request(3.0, 3.0, "test"))
+    listener.close()
+    for report in listener.take_reports():
+        clips.handle_report(report)
+    clip = clips.clips[1]
+    assert (clip.samples, clip.error) == (10, "")
+    assert [found.file for found in clips.listed()] == [old.name, clip.file]
+    assert f"{old} cannot be removed" in caplog.text
+
+
 @pytest.mark.parametrize(
     ("span", "first"),
     [({"before": 60.0, "after": 0.051}, 0), ({"before": 0.0601, "after": 0.051}, 70), ({}, 90)],

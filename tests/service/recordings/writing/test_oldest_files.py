@@ -45,3 +45,14 @@ def test_the_file_that_was_just_written_is_kept_after_a_start_with_a_wrong_clock
     files = OldestFiles(tmp_path, "clip", 50)
     files.remove(written(tmp_path, "1"))
     assert names(tmp_path) == ["1"]
+
+
+def test_a_file_that_cannot_be_removed_is_told_once_and_not_counted(tmp_path: Path) -> None:
+    kept = tmp_path / "clip-1.parquet"
+    kept.mkdir()  # no user may unlink it
+    warnings: list[str] = []
+    files = OldestFiles(tmp_path, "clip", 250, warnings.append)
+    removed = [path.name for stamp in "2345" for path in files.remove(written(tmp_path, stamp))]
+    assert removed == ["clip-2.parquet", "clip-3.parquet"]
+    (warning,) = warnings
+    assert warning.startswith(f"{kept} cannot be removed, and is not counted")

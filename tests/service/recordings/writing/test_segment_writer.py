@@ -20,6 +20,7 @@ from contactsense.service.recordings.metadata import metadata
 from contactsense.service.recordings.problems import RecordingError
 from contactsense.service.recordings.writing import segment_writer
 from contactsense.service.recordings.writing.segment_writer import Rotation, SegmentWriter, repair, to_parquet
+from tests.service.recordings.failing_disk import fail_reading
 
 NAMES = ("timestamp", "value")
 
@@ -141,6 +142,41 @@ def test_a_segment_cut_anywhere_is_repaired_or_dropped(tmp_path: Path, size: int
         kept = rows_of(found)
         np.testing.assert_array_equal(kept, np.arange(len(kept)))
     writer.close()
+
+
+@pytest.mark.parametrize("good", [0, 100, 900])
+def test_what_the_disk_does_not_give_back_is_no_end_of_a_segment(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, good: int
+) -> None:
+    warnings: list[str] = []
+    writer = SegmentWriter(tmp_path, "a", NAMES, {}, flush_seconds=0.0, warn=warnings.append)
+    for i in range(20):
+        writer.add((float(i), 0.0))
+        writer.flush()
+    fail_reading(monkeypatch, good)
+    assert writer.close() == []
+    (path,) = tmp_path.iterdir()  # no row is lost
+    again = SegmentWriter(tmp_path, "a", NAMES, {}, warn=warnings.append)
+    assert again.repaired == []
+    again.add((20.0, 0.0))
+    again.flush()  # earlier rows keep no later ones from being written
+    assert len(warnings) == 2
+    for warning in warnings:
+        assert warning.startswith(f"{path}: cannot be read")
+        assert "Input/output error; it stays as it is" in warning
+    monkeypatch.undo()
+    assert len(again.close()) == 1
+    np.testing.assert_array_equal(rows_of(repair(tmp_path, "a")), np.arange(20.0))
+
+
+def test_a_segment_of_another_user_keeps_no_rows_from_being_written(tmp_path: Path) -> None:
+    (tmp_path / "a-1.arrows").mkdir()  # no user may read it as a file
+    warnings: list[str] = []
+    writer = SegmentWriter(tmp_path, "a", NAMES, {}, warn=warnings.append)
+    writer.add((1.0, 0.0))
+    np.testing.assert_array_equal(rows_of(writer.close()), [1.0])
+    (warning,) = warnings
+    assert "a-1.arrows: cannot be completed: Is a directory" in warning
 
 
 def test_two_writers_share_a_folder(tmp_path: Path) -> None:
