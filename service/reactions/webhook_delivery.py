@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import json
 import random
+import re
 import sqlite3
 import threading
 import time
@@ -19,6 +20,7 @@ from contactsense.service.live.supervision import Supervised
 from contactsense.service.reactions.actions.base import ActionError
 from contactsense.service.reactions.actions.http_request import request
 from contactsense.service.reactions.actions.webhook import WebhookAction, sign
+from contactsense.service.reactions.outbox import Outbox
 
 DELAYS = (0.0, 5.0, 300.0, 1800.0, 7200.0, 18000.0, 36000.0, 36000.0)
 """Time before each attempt [s], as Standard Webhooks recommends. After the last attempt the delivery is
@@ -30,6 +32,8 @@ MAX_BODY = 20_000
 MOST = 1000
 """Deliveries of one webhook that wait; beyond it the oldest are lost. A receiver that is away takes decisions
 every few seconds, but an attempt that nobody answers takes as long as its time limit."""
+_ID = re.compile(rb"msg_[0-9a-f]{32}")
+"""Identifies a delivery, whichever the attempt."""
 _THROTTLED = (429, 502, 504)
 """After these statuses the receiver gets twice the time."""
 _GRACE = 1.0
@@ -57,6 +61,7 @@ class WebhookDelivery:
         delays: Sequence[float] = DELAYS,
     ) -> None:
         self._journal, self._webhooks, self._on_result = journal, dict(webhooks), on_result
+        self._outbox = Outbox(journal)
         self._delays = tuple(delays)
         self._news = {name: asyncio.Event() for name in webhooks}
         self._tasks: list[Supervised] = []
@@ -76,8 +81,9 @@ class WebhookDelivery:
 
     @property
     def error(self) -> str:
-        """Why deliveries are interrupted, such as a journal that cannot be read; empty if they are not."""
-        return "; ".join(f"{task.name}: {task.error}" for task in self._tasks if task.error)
+        """Why deliveries are interrupted or may be lost, such as a damaged journal; empty if they are not."""
+        interrupted = [f"{task.name}: {task.error}" for task in self._tasks if task.error]
+        return "; ".join([*interrupted, *([self._outbox.error] if self._outbox.error else ())])
 
     async def stop(self) -> None:
         """Stop; waiting deliveries stay in the journal."""
@@ -102,7 +108,8 @@ class WebhookDelivery:
         try:
             with self._journal.lock:
                 self._follow_clock()
-                self._journal.database.execute(
+                self._outbox.run(
+                    "deliveries",
                     "INSERT INTO deliveries (action, webhook_id, body, due) VALUES (?, ?, ?, ?)",
                     (name, f"msg_{uuid.uuid4().hex}", text, time.time() + self._delays[0]),
                 )
@@ -121,15 +128,17 @@ class WebhookDelivery:
         written now, they stay until the next one comes."""
         try:
             with self._journal.lock:
-                database = self._journal.database
-                rows = database.execute(
+                rows = self._outbox.run(
+                    "deliveries",
                     "SELECT id, CAST(body AS BLOB) FROM deliveries "
                     "WHERE action = ? ORDER BY id DESC LIMIT -1 OFFSET ?",
                     (name, MOST),
-                ).fetchall()
+                )
                 if rows:
-                    database.execute(
-                        "DELETE FROM deliveries WHERE action = ? AND id <= ?", (name, rows[0][0])
+                    self._outbox.run(
+                        "deliveries",
+                        "DELETE FROM deliveries WHERE action = ? AND id <= ?",
+                        (name, rows[0][0]),
                     )
         except sqlite3.Error:
             return []
@@ -140,23 +149,21 @@ class WebhookDelivery:
         wait for hours. The journal's lock must be held."""
         step = self._clock_step.since_last()
         if step != 0.0:
-            self._journal.database.execute("UPDATE deliveries SET due = due + ?", (step,))
+            self._outbox.run("deliveries", "UPDATE deliveries SET due = due + ?", (step,))
 
     def _limit_pauses(self) -> None:
         """While the service was away nobody saw how the clock was set: no pause is longer than any can be."""
         longest = 2.0 * max(self._delays) * (1.0 + JITTER)
-        with self._journal.lock:
-            self._journal.database.execute(
-                "UPDATE deliveries SET due = min(due, ?)", (time.time() + longest,)
-            )
+        self._outbox.run("deliveries", "UPDATE deliveries SET due = min(due, ?)", (time.time() + longest,))
 
     def disabled(self, name: str) -> str:
         """Why the webhook is disabled; empty if it is not."""
-        with self._journal.lock:
-            row = self._journal.database.execute(
-                "SELECT reason FROM disabled WHERE action = ? AND url = ?", (name, self._webhooks[name].url)
-            ).fetchone()
-        return "" if row is None else str(row[0])
+        rows = self._outbox.run(
+            "disabled",
+            "SELECT CAST(reason AS BLOB) FROM disabled WHERE action = ? AND url = ?",
+            (name, self._webhooks[name].url),
+        )
+        return rows[0][0].decode(errors="replace") if rows else ""
 
     async def _deliver(self, name: str) -> None:
         while True:
@@ -168,29 +175,26 @@ class WebhookDelivery:
                 continue
             number, webhook_id, stored, attempts = row
             decision = _decision_in(stored)
-            if not decision:
-                self._drop(number)
+            if not decision or not _ID.fullmatch(webhook_id):
+                self._outbox.drop(number)
                 self._on_result(name, False, "lost, as its text in the journal is damaged", decision)
                 continue
-            ok, status, reason = await self._attempt(name, webhook_id, stored.decode())
+            ok, status, reason = await self._attempt(name, webhook_id.decode(), stored.decode())
             # Where the journal cannot be written, as on a full disk, the delivery must not be repeated.
             while not self._settle(name, number, attempts + 1, ok, status):
                 await asyncio.sleep(_POLL)
             self._on_result(name, ok, self._words(reason, ok, status, attempts + 1), decision)
 
-    def _drop(self, number: int) -> None:
-        with self._journal.lock:
-            self._journal.database.execute("DELETE FROM deliveries WHERE id = ?", (number,))
-
-    def _next(self, name: str) -> tuple[int, str, bytes, int] | None:
+    def _next(self, name: str) -> tuple[int, bytes, bytes, int] | None:
         with self._journal.lock:
             self._follow_clock()
-            row: tuple[int, str, bytes, int] | None = self._journal.database.execute(
-                "SELECT id, webhook_id, CAST(body AS BLOB), attempts FROM deliveries "
-                "WHERE action = ? AND due <= ? ORDER BY due LIMIT 1",
+            rows = self._outbox.run(
+                "deliveries",
+                "SELECT id, CAST(webhook_id AS BLOB), CAST(body AS BLOB), CAST(attempts AS INTEGER) "
+                "FROM deliveries WHERE action = ? AND due <= ? ORDER BY due LIMIT 1",
                 (name, time.time()),
-            ).fetchone()
-        return row
+            )
+        return rows[0] if rows else None
 
     async def _attempt(self, name: str, webhook_id: str, body: str) -> tuple[bool, int, str]:
         """Try to deliver, in a thread of its own: the event loop waits for its usual ones before it ends, and
@@ -245,19 +249,20 @@ class WebhookDelivery:
 
     def _write_result(self, name: str, number: int, attempts: int, ok: bool, status: int) -> None:
         self._follow_clock()
-        database = self._journal.database
         if status == 410:
-            database.execute(
+            self._outbox.run(
+                "disabled",
                 "INSERT OR REPLACE INTO disabled VALUES (?, ?, ?)",
                 (name, self._webhooks[name].url, "it answered 410 Gone"),
             )
         if ok or attempts >= len(self._delays) or status == 410:
-            database.execute("DELETE FROM deliveries WHERE id = ?", (number,))
+            self._outbox.drop(number)
             return
         pause = self._delays[attempts] * random.uniform(1.0 - JITTER, 1.0 + JITTER)
         if status in _THROTTLED:
             pause *= 2.0
-        database.execute(
+        self._outbox.run(
+            "deliveries",
             "UPDATE deliveries SET attempts = ?, due = ? WHERE id = ?",
             (attempts, time.time() + pause, number),
         )

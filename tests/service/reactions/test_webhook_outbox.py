@@ -144,9 +144,19 @@ def test_a_pause_is_the_same_if_the_clock_is_set_during_the_attempt(step: float,
 
 
 @pytest.mark.parametrize(
-    "text", [b'{"data": {"rule"; "arm"}}', b'{"data": {"rule": "\xff"}}', b'{"data": {"rule": "arm"}}', b"7"]
+    ("column", "text", "known"),
+    [
+        ("body", b'{"data": {"rule"; "arm"}}', {}),
+        ("body", b'{"data": {"rule": "\xff"}}', {}),
+        ("body", b'{"data": {"rule": "arm"}}', {}),
+        ("body", b"7", {}),
+        ("webhook_id", b"msg_\xff", DECISION),
+        ("webhook_id", b"msg_\n", DECISION),
+    ],
 )
-def test_a_damaged_one_is_told_and_the_next_one_is_delivered(text: bytes) -> None:
+def test_a_damaged_one_is_told_and_the_next_one_is_delivered(
+    column: str, text: bytes, known: Mapping[str, Any]
+) -> None:
     """A disk or a memory has changed its text, which SQLite does not notice; no receiver could read it."""
     with receiver(204) as server, Journal() as journal:
         told: list[tuple[bool, str, object]] = []
@@ -157,7 +167,7 @@ def test_a_damaged_one_is_told_and_the_next_one_is_delivered(text: bytes) -> Non
             for _ in range(2):
                 delivery.enqueue("hook", DECISION)
             journal.database.execute(
-                "UPDATE deliveries SET body = CAST(? AS TEXT), due = 0 WHERE id = 1", (text,)
+                f"UPDATE deliveries SET {column} = CAST(? AS TEXT), due = 0 WHERE id = 1", (text,)
             )
             delivery.start()
             async with asyncio.timeout(20):
@@ -168,7 +178,7 @@ def test_a_damaged_one_is_told_and_the_next_one_is_delivered(text: bytes) -> Non
 
         asyncio.run(scenario())
         assert told == [
-            (False, "lost, as its text in the journal is damaged", {}),
+            (False, "lost, as its text in the journal is damaged", known),
             (True, "answered 204", DECISION),
         ]
         assert len(server.heard) == 1

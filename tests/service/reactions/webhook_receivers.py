@@ -2,6 +2,7 @@
 
 import asyncio
 import http.server
+import re
 import socket
 import threading
 from collections.abc import Callable, Iterator, Mapping
@@ -81,9 +82,13 @@ def hook(port: int) -> WebhookAction:
 
 
 def deliver(
-    journal: Journal, webhook: WebhookAction, enqueue: int, done: Callable[[WebhookDelivery, list[Any]], bool]
+    journal: Journal,
+    webhook: WebhookAction,
+    enqueue: int,
+    done: Callable[[WebhookDelivery, list[Any]], bool],
+    error: str = "",
 ) -> list[tuple[bool, str]]:
-    """Run a delivery until `done`; what it told."""
+    """Run a delivery until `done`; what it told. Its error is as the pattern `error`."""
     told: list[tuple[bool, str]] = []
 
     def tell(_: str, ok: bool, reason: str, decision: Mapping[str, Any]) -> None:
@@ -98,7 +103,7 @@ def deliver(
         async with asyncio.timeout(20):
             while not done(delivery, told):
                 await asyncio.sleep(0.01)
-        assert not delivery.error
+        assert re.fullmatch(error, delivery.error)
         await delivery.stop()
 
     asyncio.run(scenario())
@@ -110,3 +115,10 @@ def waiting(journal: Journal) -> int:
     with journal.lock:
         (number,) = journal.database.execute("SELECT count(*) FROM deliveries").fetchone()
     return int(number)
+
+
+def stored(journal: Journal, count: int) -> None:
+    """Put deliveries into the outbox."""
+    delivery = WebhookDelivery(journal, {"hook": hook(1)}, lambda *_: None)
+    for _ in range(count):
+        delivery.enqueue("hook", DECISION)
