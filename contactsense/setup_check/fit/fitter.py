@@ -16,7 +16,7 @@ ln(sum_c N_c), as in Laplace's approximation of the evidence (R. E. Kass, A. E. 
 Journal of the American Statistical Association 1995).
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,6 +29,7 @@ from contactsense.sensors.settings import per_joint
 from contactsense.setup_check.fit.equations import Equations, bordered, products
 from contactsense.setup_check.fit.place_jacobian import place_jacobian
 from contactsense.setup_check.fit.solution import Solution
+from contactsense.setup_check.fit.term_memory import TermMemory
 from contactsense.setup_check.lines import wrench_fields
 from contactsense.setup_check.setup import BASE, Free, Kind, Order, Setup, in_order
 from contactsense.setup_check.terms.motion_basis import MotionBases, MotionBasis, Readings
@@ -111,7 +112,7 @@ class Fitter:
         self._channels = np.flatnonzero(measured.any(axis=1))
         self._measured = measured[self._channels]
         self._counts = self._measured.sum(axis=1)
-        self._known: dict[str, tuple[object, np.ndarray]] = {}
+        self._terms = TermMemory()
         self._stated: tuple[Setup, Equations] | None = None
         self.effective = np.ones(len(measured))
         """Independent rows per row, of each channel."""
@@ -235,8 +236,7 @@ class Fitter:
 
     def _error(self, setup: Setup) -> np.ndarray:
         """Readings minus prediction without nuisances, shape (M, C)."""
-        n = self._joints
-        rows = self._basis(setup).rows
+        n, rows = self._joints, self._measured.shape[1]
         error = np.full((rows, n + 6 * len(self._fields)), np.nan)
         if self._readings.torque is not None:
             predicted = np.einsum("mclp,lp->mc", self._joint_terms(setup), setup.bodies)
@@ -264,8 +264,8 @@ class Fitter:
             inertia = setup.meaning != "external"
             return self._basis(setup).joints.torques(gravity, inertia, setup.torque_delay)
 
-        key = (*_motion(setup), setup.meaning, setup.torque_delay, setup.gravity.tobytes())
-        return self._latest("joint_torque", key, found)
+        key = "joint_torque", *_motion(setup), setup.meaning, setup.torque_delay, setup.gravity.tobytes()
+        return self._terms.get(key, found)
 
     def _load_terms(self, setup: Setup, field: str) -> np.ndarray:
         """Wrench on a sensor per inertial parameter of the bodies that it may carry, shape (M, 6, K, 10)."""
@@ -274,28 +274,31 @@ class Fitter:
         def found() -> np.ndarray:
             return self._basis(setup).loads(sensor.body).at(setup.gravity, sensor.delay)
 
-        key = (*_motion(setup), sensor.body, sensor.delay, setup.gravity.tobytes())
-        return self._latest(field, key, found)
+        return self._terms.get((*_motion(setup), sensor.body, sensor.delay, setup.gravity.tobytes()), found)
 
-    def _latest(self, name: str, key: object, found: Callable[[], np.ndarray]) -> np.ndarray:
-        """Terms that most changes of a setup leave as they are."""
-        if name not in self._known or self._known[name][0] != key:
-            self._known[name] = key, found()
-        return self._known[name][1]
+    def _drive_terms(self, setup: Setup) -> np.ndarray:
+        """What Coulomb friction, the same reversing late, viscous friction and rotors depend on, shape
+        (4, M, n)."""
+
+        def found() -> np.ndarray:
+            basis, delay = self._basis(setup), setup.torque_delay
+            viscous, rotors = basis.joints.viscous(delay), basis.joints.rotors(delay)
+            return np.array([*basis.reversals(delay), viscous, rotors])
+
+        return self._terms.get(("drives", *_motion(setup), setup.torque_delay), found)
 
     def _nuisances(self, setup: Setup) -> tuple[np.ndarray, dict[str, int]]:
         """Derivatives of the prediction by the nuisances in units of their priors, shape (C, M, P), and the
         first column of each sensor's bias."""
-        basis, n = self._basis(setup), self._joints
+        n, rows = self._joints, self._measured.shape[1]
         size = self._inertia_error * inertial_scales(setup.links)
-        rows, links, drives = basis.rows, 10 * (len(size) - 1), 5 * n
+        links, drives = 10 * (len(size) - 1), 5 * n
         own = sum(6 + 10 * setup.sensors[field].tool_alone for field in self._readings.wrenches)
         found = np.zeros((n + 6 * len(self._fields), rows, links + drives + own))
         # The base does not move, so that its inertia is a bias.
         joints = (self._joint_terms(setup)[:, :, 1:] * size[1:]).reshape(rows, n, -1)
         found[:n, :, :links] = (joints * setup.gain[:, None]).transpose(1, 0, 2)
-        coulomb, late = basis.reversals(setup.torque_delay)
-        viscous, rotor = basis.joints.viscous(setup.torque_delay), basis.joints.rotors(setup.torque_delay)
+        coulomb, late, viscous, rotor = self._drive_terms(setup)
         frictional = 0.0 if setup.meaning == "external" else 1.0
         for j in range(n):
             scale, first = setup.gain[j] * self._drive_prior[j], links + 5 * j

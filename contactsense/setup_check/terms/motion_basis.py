@@ -67,7 +67,7 @@ class MotionBasis:
 
 _LATE_REVERSAL = 0.1
 """By how much friction may reverse later than the velocity [s]."""
-_MEMORY = 200_000_000
+_MEMORY = 100_000_000
 """Bytes for terms where joints have other zeros: fits of many hypotheses begin at the same zeros, and move on
 from there."""
 _Motion = tuple[str, float, Order, tuple[float, ...]]
