@@ -22,7 +22,7 @@ from contactsense.robots.arm_checks import check_arm
 from contactsense.robots.attribute_docs import with_attributes
 from contactsense.robots.file_references import located
 from contactsense.robots.files.field_errors import Place, describe
-from contactsense.robots.files.file_model import FieldError, FileModel
+from contactsense.robots.files.file_model import FieldError, FileModel, in_words
 from contactsense.robots.files.yaml_fields import read_fields
 from contactsense.robots.library import in_library, is_library_file
 from contactsense.robots.primitives import Vector
@@ -193,8 +193,9 @@ class Scene(FileModel):
     def __init__(self, /, **fields: Any) -> None:
         try:
             super().__init__(**fields)
-        except FieldError as error:
-            raise SceneError(str(error), error.reasons) from None
+        except ValidationError as error:
+            told = in_words(error, type(self))
+            raise SceneError(str(told), told.reasons) from None
 
     @field_validator("mounting", mode="before")
     @classmethod

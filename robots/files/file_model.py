@@ -27,7 +27,28 @@ class FieldError(ValueError):
         """Name of the class of which an object was to be made."""
 
 
-class FileModel(BaseModel):
+if TYPE_CHECKING:  # type checkers know the fields of each model
+
+    class _MadeInPython(BaseModel):
+        pass
+
+else:
+
+    class _Maker(type(BaseModel)):
+        """Only who makes an object in Python calls its class. As a part of another model it is validated with
+        the whole, whose error names the place of the part."""
+
+        def __call__(cls, /, *given: Any, **fields: Any) -> Any:
+            try:
+                return super().__call__(*given, **fields)
+            except ValidationError as error:
+                raise in_words(error, cls) from None
+
+    class _MadeInPython(BaseModel, metaclass=_Maker):
+        pass
+
+
+class FileModel(_MadeInPython):
     """What is read from a file, see the module.
 
     Raises:
@@ -35,17 +56,6 @@ class FileModel(BaseModel):
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-    if not TYPE_CHECKING:  # type checkers know the fields of each model
-
-        def __init__(self, /, **fields: Any) -> None:
-            try:
-                super().__init__(**fields)
-            except ValidationError as error:
-                raise _in_words(error, type(self)) from None
-
-        # As a part of another model it is validated with the whole, whose error names the place of the part.
-        __init__.__pydantic_base_init__ = True
 
     @model_validator(mode="before")
     @classmethod
@@ -68,7 +78,8 @@ class FileModel(BaseModel):
         return super().model_copy(update=update, deep=deep)
 
 
-def _in_words(error: ValidationError, model: type[BaseModel]) -> FieldError:
+def in_words(error: ValidationError, model: type[BaseModel]) -> FieldError:
+    """The error of an object that was to be made of these fields."""
     found = reasons(error.errors(include_url=False), model)
     return FieldError(describe(error, model), found, model.__name__)
 
