@@ -14,6 +14,7 @@ from contactsense import robots
 from contactsense.calibration.free_motion import FreeMotion, check_recordings
 from contactsense.scene import Scene, check_scene
 from contactsense.setup_check.findings.drive_friction import unstated_friction
+from contactsense.setup_check.findings.mixed_units import check_units
 from contactsense.setup_check.findings.proposals import as_sign_and_turn, line_value
 from contactsense.setup_check.findings.sensor_findings import (
     base_offset,
@@ -143,6 +144,7 @@ def _checked(scene: Scene, recordings: list[FreeMotion], progress: Callable[[str
     hypotheses = Hypotheses(scene, others, largest, torque, readings.wrenches, _moving(parts))
     setup = Setup.of(scene)
     setup.gain[list(still)] = 0.0
+    check_units(scene, parts, readings, fitter, setup)
     wrong = [item for item in signals if item.verdict == "does_not_fit"]
     found = searched(fitter, hypotheses, setup, progress)
     now, candidates = found.now, found.candidates

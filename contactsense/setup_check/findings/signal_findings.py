@@ -94,7 +94,7 @@ def frozen_findings(
 
     there, found = recorded_sensors(scene, recordings), []
     if scene.joint_torque is not None and "joint_torque" in there:
-        names = _named(scene, joints)
+        names = named_joints(scene, joints)
         tells = moves("joint_torque").all() and scene.joint_torque.contains != "external"
         found.append(_frozen_finding(FROZEN_TORQUES, names, remark, bool(tells)))
     for field in wrench_fields(scene):
@@ -104,7 +104,7 @@ def frozen_findings(
     return found
 
 
-def _named(scene: Scene, joints: Sequence[int] | np.ndarray) -> str:
+def named_joints(scene: Scene, joints: Sequence[int] | np.ndarray) -> str:
     """Names of these joints, by their indices."""
     every = len(joints) == len(scene.robot.joints)
     return "all joints" if every else ", ".join(scene.robot.joints[j].name for j in joints)
@@ -138,9 +138,9 @@ def velocity_finding(scene: Scene, recordings: Sequence[FreeMotion]) -> tuple[Fi
             return Finding(VELOCITIES, "fits", "as recorded"), wrong
         remark = "not determined by this motion"
         return Finding(VELOCITIES, "cannot_tell", "as recorded", remark=remark), wrong
-    names = _named(scene, np.flatnonzero(wrong))
+    names = named_joints(scene, np.flatnonzero(wrong))
     reason = _reason(moved[:, wrong], integral[:, wrong])
-    others = _named(scene, np.flatnonzero((largest > _SMALL) & ~wrong))
+    others = named_joints(scene, np.flatnonzero((largest > _SMALL) & ~wrong))
     if reason == _POSITIONS_IN_DEGREES and others:
         raise CheckError(
             f"{recordings[0].name}: q: expected the positions of all joints in one unit, got degrees for "

@@ -386,6 +386,10 @@ def test_values_that_no_mistake_explains_are_refused() -> None:
             replace(part, q=some * part.q),
             r"q: expected .* one unit, got degrees for shoulder_pan_joint, .* and rad for wrist_1_joint",
         ),
+        (
+            replace(part, q=some * part.q, qd=some * part.qd),
+            r"q: expected .* one unit, got degrees for shoulder_pan_joint, .*, by the arm's limits and the sen",
+        ),
     ):
         with pytest.raises(CheckError, match=message):
             check(case.scene, [changed])
