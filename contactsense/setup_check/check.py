@@ -14,7 +14,6 @@ from contactsense import robots
 from contactsense.calibration.free_motion import FreeMotion, check_recordings
 from contactsense.scene import Scene, check_scene
 from contactsense.setup_check.findings.drive_friction import unstated_friction
-from contactsense.setup_check.findings.mixed_units import check_units
 from contactsense.setup_check.findings.proposals import as_sign_and_turn, line_value
 from contactsense.setup_check.findings.sensor_findings import (
     base_offset,
@@ -52,6 +51,7 @@ from contactsense.setup_check.search.candidate import Candidate
 from contactsense.setup_check.search.change import groups
 from contactsense.setup_check.search.changes import matters, tolerance
 from contactsense.setup_check.search.explanation import EXCLUDED, Explanation
+from contactsense.setup_check.search.mixed_units import check_units
 from contactsense.setup_check.search.wrong_lines import searched
 from contactsense.setup_check.setup import Free, Setup
 from contactsense.setup_check.terms.instants import without_gaps

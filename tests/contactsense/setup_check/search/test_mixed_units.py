@@ -8,8 +8,8 @@ import pytest
 from contactsense import Scene
 from contactsense.benchmarks.calibration.setup_draws import Settings, right_setup
 from contactsense.calibration.free_motion import FreeMotion
-from contactsense.setup_check.findings.mixed_units import check_units
 from contactsense.setup_check.fit.fitter import Fitter
+from contactsense.setup_check.search.mixed_units import check_units
 from contactsense.setup_check.setup import Setup
 from contactsense.setup_check.terms.motion_basis import MotionBases, Readings
 from contactsense.setup_check.usable_recordings import CheckError
