@@ -38,7 +38,7 @@ _PROBABILITY = 0.5
 _SPEED = 0.03
 """Standard deviation of the velocity of a sliding contact along each tangent, its direction unknown [m/s]: a
 few centimetres a second, as hands and objects slide along an arm."""
-_NORMAL_ERROR = 0.15
+NORMAL_ERROR = 0.15
 """Of the direction of the normal [rad]: how far that of a primitive usually is from that of the link."""
 _MAX_SHIFT = 0.03
 """Largest shift of a point [m]: along a tangent, farther ones leave a curved link. The rest adds to the
@@ -133,7 +133,7 @@ def _velocity_prior(track: ContactTrack, t1: Vector, t2: Vector) -> _VelocityPri
     squared = x * x + y * y
     if not squared > 0.0:
         return _VelocityPrior(1.0, 0.0, 0.0, _SPEED * _SPEED, _SPEED * _SPEED)
-    error = (_NORMAL_ERROR * normal_force) ** 2
+    error = (NORMAL_ERROR * normal_force) ** 2
     known, unknown = squared / (squared + error), error / (squared + error)
     # Moments of the absolute value of a normal variable with the variance of both components together.
     mean = _SPEED * math.sqrt(known * 4.0 / math.pi)

@@ -12,9 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-NORMAL_ERROR = 0.15
-"""Error of the direction of the normal [rad]: how far that of a primitive usually is from that of the
-link."""
+from contactsense.tracking.sliding import NORMAL_ERROR
 
 
 class IncrementPrior(NamedTuple):

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from contactsense.service.analysis.smoothing.path_prior import NORMAL_ERROR, drag_prior, undirected_prior
+from contactsense.service.analysis.smoothing.path_prior import drag_prior, undirected_prior
+from contactsense.tracking.sliding import NORMAL_ERROR
 
 NORMAL, ALONG, ACROSS = np.array([0.0, 0.0, 1.0]), np.array([0.6, 0.8, 0.0]), np.array([-0.8, 0.6, 0.0])
 SIGMA = np.array([0.01, 0.004])
