@@ -4,11 +4,12 @@ import numpy as np
 
 from contactsense.kinematics.spatial import component_about, dot6, product6
 from contactsense.robots.jit.kernel import kernel
+from contactsense.robots.vectors import Vector
 
 
 @kernel
 def decorrelate(
-    origin: np.ndarray,
+    origin: np.ndarray | Vector,
     noise_variance: tuple[float, float],
     error_covariance: np.ndarray,
     rows: np.ndarray,
@@ -23,7 +24,8 @@ def decorrelate(
     Args:
         origin: Where the sensor's noise is independent from component to component, base frame, shape (3,)
             [m].
-        noise_variance: Of each component of the force and of the moment about `origin` [N^2, Nm^2], positive.
+        noise_variance: Of each component of the force and of the moment about `origin` [N^2, Nm^2]; positive,
+            or zero where `error_covariance` is positive definite.
         error_covariance: Covariance of all other errors of the wrench, base axes, about the base origin,
             shape (6, 6) [N^2, N Nm, Nm^2].
         rows: Filled: the combinations are `rows` @ wrench, base axes, about the base origin, shape (6, 6).

@@ -34,7 +34,7 @@ def quadratic_form(C: np.ndarray, a: np.ndarray | Six) -> float:
 
 
 @kernel
-def component_about(origin: np.ndarray, i: int) -> tuple[float, float, float, float, float, float]:
+def component_about(origin: np.ndarray | tuple[float, float, float], i: int) -> Six:
     """Row whose product with a wrench (f, m) about the base origin is component i of the same wrench about
     the point `origin`: of the force, or of the moment m - o x f."""
     x, y, z = origin[0], origin[1], origin[2]

@@ -9,7 +9,8 @@ joint. The filter is updated in free motion only. In a contact it is held, and t
 Phi P Phi^T, is added to the covariance of the residuals.
 
 Biases are random walks. Their variance is such that each estimate converges to the average of its residual
-over a time T: sigma^2 dt / T^2 per second for white noise sigma in samples dt apart. The variance of a
+over a time T: sigma^2 dt / T^2 per second for white noise sigma in samples dt apart; those of the base sensor
+are correlated as its noise is, which depends on where it sits. The variance of a
 friction factor returns to that between days within `FRICTION_TIME`.
 """
 
@@ -18,6 +19,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from contactsense.kinematics.decorrelation import decorrelate
 from contactsense.kinematics.model import Motion
 from contactsense.kinematics.momenta import of_link_alone
 from contactsense.kinematics.spatial import dot6
@@ -35,6 +37,8 @@ FRICTION_TIME = 3600.0
 warm up [s]."""
 BASE_BIASES, TORQUE_BIASES = 0, 6
 """First of the six biases of the base sensor and of the n biases of the torques among the estimates."""
+
+_BASE_ORIGIN, _NO_NOISE = (0.0, 0.0, 0.0), (0.0, 0.0)
 
 
 @kernel
@@ -63,6 +67,8 @@ class BiasFilterStatus:
     """[s]"""
     time_since_contact: float
     """[s]"""
+    usual_step: float
+    """Usual time between samples up to the last one [s]."""
     estimates_friction: bool
     estimates_masses: bool
 
@@ -92,6 +98,10 @@ class BiasFilter(NamedTuple):
     """Scratch: covariance of all estimates with one residual, P times the row."""
     correction: Annotated[Floats, "6 + 3 * joints"]
     """Scratch: correction of all estimates in an update."""
+    combination: Annotated[Floats, "6, 6"]
+    """Scratch: combinations of the components of the base wrench whose noise is uncorrelated."""
+    combination_variance: Annotated[Floats, "6"]
+    """Scratch: variance of the noise of each of them, in units of the residual's variance ratio."""
     wrench_correction: Annotated[Floats, "2, 6"]
     """Scratch: correction of base wrench and momentum."""
     status: Annotated[Records[BiasFilterStatus], "1"]
@@ -141,21 +151,22 @@ def predict(
         torque_noise: Variance of each torque's noise in one sample, shape (n,).
         bias_rate: 1 / T [1/s]; 0: biases are constant.
         dt: Time since the last sample [s]; 0 restarts.
-        usual_step: Usual time between samples [s].
+        usual_step: Usual time between samples up to this one [s].
         bandwidth: Cut-off frequency of the observers [Hz].
     """
     P, n = bias_filter.covariance, torque_noise.shape[0]
     status = bias_filter.status[0]
     status.time_since_update += dt
     status.time_since_contact += dt
-    growth = bias_rate * bias_rate * usual_step * dt
-    for i in range(6):
-        P[i, i] += growth * base_noise[i, i]
-    for j in range(n):
-        P[TORQUE_BIASES + j, TORQUE_BIASES + j] += growth * torque_noise[j]
+    # The step to this sample may be a gap, which is not usual.
+    growth = bias_rate * bias_rate * status.usual_step * dt
+    status.usual_step = usual_step
     for a in range(6):
         for b in range(6):
+            P[a, b] += growth * base_noise[a, b]
             bias_filter.base_covariance[a, b] = P[a, b]
+    for j in range(n):
+        P[TORQUE_BIASES + j, TORQUE_BIASES + j] += growth * torque_noise[j]
     for j in range(n):
         bias_filter.torque_variance[j] = P[TORQUE_BIASES + j, TORQUE_BIASES + j]
     if status.estimates_friction:
@@ -280,51 +291,85 @@ def friction_above_scene(bias_filter: BiasFilter, torque_model: JointTorqueModel
 
 
 @kernel
-def update(
-    bias_filter: BiasFilter,
-    equation: int,
-    n: int,
-    residual: float,
-    variance: float,
+def update_by_torque(bias_filter: BiasFilter, j: int, residual: float, variance: float) -> None:
+    """Kalman update with the residual of joint j; `correction` accumulates the correction of all estimates.
+
+    Args:
+        bias_filter: Changed in place.
+        j: The joint.
+        residual: Its residual before any correction [Nm].
+        variance: Variance of the noise in it [Nm^2].
+    """
+    n, row = bias_filter.torque_variance.shape[0], bias_filter.measurement_row
+    row[:] = 0.0
+    row[TORQUE_BIASES + j] = _bias_coefficient(n, j)
+    row[friction_factors(n) + j] = bias_filter.friction_regressor[j]
+    for k in range(n):
+        row[masses(n) + k] = bias_filter.mass_regressor.residual[regressor_of(n, k) + j]
+    _update(bias_filter, residual, variance)
+
+
+@kernel
+def update_by_wrench(
+    bias_filter: BiasFilter, wrench: np.ndarray, covariance: np.ndarray, factor: float
 ) -> None:
-    """Kalman update with one residual; `correction` accumulates the correction of all estimates."""
-    P, measurement_row, cross_covariance = (
+    """The same with the residual of the base wrench, by six combinations of its components whose noise is
+    uncorrelated: about another point than its own, a sensor has forces and moments in its noise together.
+
+    Args:
+        bias_filter: Changed in place.
+        wrench: The residual before any correction, base axes, base origin, shape (6,) [N, Nm].
+        covariance: Covariance of the noise in it over `factor`, positive definite, shape (6, 6).
+        factor: Variance of the residual over that of the noise of one sample.
+    """
+    n, row, combination = (
+        bias_filter.torque_variance.shape[0],
+        bias_filter.measurement_row,
+        bias_filter.combination,
+    )
+    decorrelate(_BASE_ORIGIN, _NO_NOISE, covariance, combination, bias_filter.combination_variance)
+    for c in range(6):
+        row[:] = 0.0
+        for i in range(6):
+            row[BASE_BIASES + i] = _bias_coefficient(n, n + i) * combination[c, i]
+        for k in range(n):
+            of_base = regressor_of(n, k) + n
+            row[masses(n) + k] = dot6(
+                combination[c], bias_filter.mass_regressor.residual[of_base : of_base + 6]
+            )
+        _update(bias_filter, dot6(combination[c], wrench), factor * bias_filter.combination_variance[c])
+
+
+@kernel
+def _update(bias_filter: BiasFilter, residual: float, variance: float) -> None:
+    """Kalman update with a residual whose row of Phi is `measurement_row`; `variance`: of its noise."""
+    P, row, cross_covariance, correction = (
         bias_filter.covariance,
         bias_filter.measurement_row,
         bias_filter.cross_covariance,
+        bias_filter.correction,
     )
-    status = bias_filter.status[0]
     # What is not estimated has no covariance.
+    n, status = bias_filter.torque_variance.shape[0], bias_filter.status[0]
     size = friction_factors(n)
     if status.estimates_masses:
-        size = measurement_row.shape[0]
+        size = row.shape[0]
     elif status.estimates_friction:
         size = masses(n)
-    index, coefficient = _bias_index(n, equation), _bias_coefficient(n, equation)
     innovation_variance, innovation = variance, residual
-    if size > friction_factors(n):
-        measurement_row[:] = 0.0
-        measurement_row[index] = coefficient
-        if equation < n:
-            measurement_row[friction_factors(n) + equation] = bias_filter.friction_regressor[equation]
-        for k in range(n):
-            measurement_row[masses(n) + k] = bias_filter.mass_regressor.residual[
-                regressor_of(n, k) + equation
-            ]
-        for i in range(size):
-            cross_covariance[i] = 0.0
-            for k in range(size):
-                cross_covariance[i] += P[i, k] * measurement_row[k]
-            innovation_variance += cross_covariance[i] * measurement_row[i]
-            innovation += measurement_row[i] * bias_filter.correction[i]
-    else:
-        for i in range(size):
-            cross_covariance[i] = P[i, index] * coefficient
-        innovation_variance += cross_covariance[index] * coefficient
-        innovation += coefficient * bias_filter.correction[index]
+    cross_covariance[:] = 0.0
+    # Where masses are not estimated, most entries are zero.
+    for k in range(size):
+        if row[k] != 0.0:
+            innovation += row[k] * correction[k]
+            for i in range(size):
+                cross_covariance[i] += P[k, i] * row[k]
+    for i in range(size):
+        innovation_variance += cross_covariance[i] * row[i]
     precision = 1.0 / innovation_variance
     for i in range(size):
         gain = cross_covariance[i] * precision
-        bias_filter.correction[i] -= gain * innovation
-        for k in range(size):
-            P[i, k] -= gain * cross_covariance[k]
+        if gain != 0.0:
+            correction[i] -= gain * innovation
+            for k in range(size):
+                P[i, k] -= gain * cross_covariance[k]

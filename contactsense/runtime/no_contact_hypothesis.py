@@ -8,7 +8,7 @@ import numpy as np
 from contactsense.kinematics.decorrelation import decorrelate
 from contactsense.kinematics.linalg.ldl import half_squared_norm, invert_spd
 from contactsense.kinematics.spatial import component_about, dot6
-from contactsense.residuals.bias_filter import update, update_is_due
+from contactsense.residuals.bias_filter import update_by_torque, update_by_wrench, update_is_due
 from contactsense.residuals.friction_at_rest import TorqueVariance, energy_beyond_static_friction
 from contactsense.residuals.model_correction import apply_correction
 from contactsense.residuals.observers import parts_of
@@ -232,15 +232,13 @@ def update_bias_filter(
     if has_torque:
         for j in range(n):
             variance = _torque_noise(constants, state, j, variance_ratio)
-            update(bias_filter, j, n, state.observers.joints.residual[j], variance * variance_inflation)
-    if has_base:
-        for i in range(6):
-            variance = (
-                constants.sensors.base_covariance[i, i] * state.noise_scale.noise[BASE].scale * variance_ratio
-                + state.base_velocity_error.noise[i, i]
-                + state.base_velocity_error.instants[i, i]
+            update_by_torque(
+                bias_filter, j, state.observers.joints.residual[j], variance * variance_inflation
             )
-            update(bias_filter, n + i, n, state.base_wrench[i], variance * variance_inflation)
+    if has_base:
+        update_by_wrench(
+            bias_filter, state.base_wrench, state.base_noise, variance_ratio * variance_inflation
+        )
     apply_correction(
         bias_filter,
         state.model,

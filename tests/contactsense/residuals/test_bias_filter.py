@@ -11,6 +11,7 @@ from contactsense.benchmarks.motion.model_error import heavier, with_drawn_masse
 from contactsense.kinematics.inverse_dynamics import inverse_dynamics
 from contactsense.kinematics.model import build_model, empty_motion
 from contactsense.kinematics.momenta import kinematics_and_momenta
+from contactsense.kinematics.wrench_transform import wrench_transform
 from contactsense.robots import Robot
 from tests.plain_arm import plain_ur5e
 
@@ -20,6 +21,9 @@ RATE = np.array([2.0, 1.5, 2.5, 3.0, 2.0, 1.0])
 LINK = 3
 BASE = WrenchSensor(force_noise=0.25, moment_noise=0.05)
 NOISE = np.repeat([0.25, 0.05], 3)
+STEADY = np.arange(0.0, 2.0, 0.008)
+PAUSED = np.append(STEADY, 62.0 + np.arange(0.0, 0.15, 0.008))
+"""Times of samples [s], without and with a pause of a minute."""
 
 
 def _scene(robot: Robot = ARM, **fields: object) -> Scene:
@@ -142,6 +146,36 @@ def test_estimated_masses_are_as_uncertain_as_stated() -> None:
         assert np.sqrt(covariance.diagonal()).min() < 0.1 * told, "some of them are known"
         squared += error @ np.linalg.solve(covariance, error)
     assert chi2.isf(0.999, 6 * draws) < squared < chi2.isf(0.001, 6 * draws)
+
+
+@pytest.mark.parametrize("place", [(0.0, 0.0, 0.0), (0.3, 0.1, -0.6)])
+@pytest.mark.parametrize("times", [STEADY, PAUSED], ids=["steady", "paused"])
+def test_biases_are_as_uncertain_as_stated(place: tuple[float, float, float], times: np.ndarray) -> None:
+    """Biases wander as the scene says, also in a pause of the stream. Squared errors of forces and of moments
+    about the sensor, in units of their covariance, are those of chi-square: a sensor that sits elsewhere than
+    the base has noise of forces and moments about the base's origin together."""
+    base, draws, free = BASE.model_copy(update={"translation": place}), 20, _free(0.008, noise=0.0)[0]
+    scene = Scene(robot=ARM, base_wrench=base, joint_torque=None)
+    assert scene.bias_time is not None
+    assert free.base_wrench is not None
+    localizer, to_base = Localizer(scene), wrench_transform(np.eye(3), np.array(place))
+    walk = np.sqrt(np.diff(times, prepend=0.0) * 0.008)[:, None] / scene.bias_time
+    found, squared, to_sensor = localizer._buffers.state.bias_filter, np.zeros(2), np.linalg.inv(to_base)
+    for seed in range(draws):
+        localizer.reset()
+        chance = np.random.default_rng(seed)
+        noise, steps = NOISE * chance.standard_normal((2, len(times), 6))
+        bias = np.cumsum(walk * steps, axis=0)
+        for t, wrench in zip(times, free.base_wrench + (bias + noise) @ to_base.T, strict=True):
+            localizer.step(Sample(float(t), free.q, free.qd, None, wrench))
+        error, covariance = (
+            to_sensor @ found.bias - bias[-1],
+            to_sensor @ found.covariance[:6, :6] @ to_sensor.T,
+        )
+        for part, of in enumerate((slice(3), slice(3, 6))):
+            squared[part] += error[of] @ np.linalg.solve(covariance[of, of], error[of])
+    assert chi2.isf(0.9999, 3 * draws) < squared.min()
+    assert squared.max() < chi2.isf(0.0001, 3 * draws)
 
 
 def test_an_update_of_the_filter_causes_no_jump() -> None:

@@ -8,13 +8,15 @@ import pytest
 from contactsense import JointTorqueSensor, robots
 from contactsense.kinematics.model import Motion, build_model, empty_motion
 from contactsense.kinematics.momenta import kinematics_and_momenta
+from contactsense.kinematics.wrench_transform import wrench_transform
 from contactsense.residuals.bias_filter import (
     BiasFilter,
     friction_above_scene,
     mass_covariance,
     predict,
     restart,
-    update,
+    update_by_torque,
+    update_by_wrench,
 )
 from contactsense.residuals.joint_friction import JointTorqueModel, joint_torque_model
 from contactsense.robots.jit.flat_buffers import zeros
@@ -83,18 +85,31 @@ def test_masses_of_what_a_link_sensor_carries_are_uncertain(first_body: int) -> 
     np.testing.assert_allclose(found, carried @ P @ carried.T, rtol=1e-10, atol=1e-12)
 
 
-@pytest.mark.parametrize("equation", [2, N + 3])
-def test_an_update_is_that_of_a_kalman_filter(equation: int) -> None:
+def test_an_update_by_a_torque_is_that_of_a_kalman_filter() -> None:
     state = in_motion().state
-    row, P = phi(state)[equation], state.covariance.copy()
+    row, P = phi(state)[2], state.covariance.copy()
     before = np.random.default_rng(3).standard_normal(SIZE)
     state.correction[:] = before
     residual, variance = 2.5, 0.3
     gain = P @ row / (row @ P @ row + variance)
-    update(state, equation, N, residual, variance)
+    update_by_torque(state, 2, residual, variance)
     # What has been corrected already is still in the residual, whose correction follows.
     np.testing.assert_allclose(state.correction, before - gain * (residual + row @ before), rtol=1e-9)
     np.testing.assert_allclose(state.covariance, P - np.outer(gain, row @ P), rtol=1e-8, atol=1e-12)
+
+
+def test_an_update_by_a_wrench_counts_that_its_noise_is_correlated() -> None:
+    """That of a sensor below the base: its moments about the base origin have the noise of its forces."""
+    state, chance = in_motion().state, np.random.default_rng(3)
+    rows, P = phi(state)[N:], state.covariance.copy()
+    transfer = wrench_transform(np.eye(3), np.array([0.3, 0.1, -0.6]))
+    noise = transfer @ np.diag([0.2, 0.2, 0.2, 0.01, 0.01, 0.01]) @ transfer.T
+    before, wrench = chance.standard_normal(SIZE), chance.standard_normal(6)
+    state.correction[:] = before
+    gain = np.linalg.solve(rows @ P @ rows.T + 1.5 * noise, rows @ P).T
+    update_by_wrench(state, wrench, noise, 1.5)
+    np.testing.assert_allclose(state.correction, before - gain @ (wrench + rows @ before), rtol=1e-7)
+    np.testing.assert_allclose(state.covariance, P - gain @ rows @ P, rtol=1e-7, atol=1e-11)
 
 
 def test_friction_above_that_of_the_scene() -> None:

@@ -95,6 +95,8 @@ def test_biases_are_not_learnt_from_what_velocities_do(part: str) -> None:
         state.bias_filter.covariance[:] = np.eye(len(state.bias_filter.covariance))
         state.base_wrench[:] = 1.0
         getattr(state.base_velocity_error, part)[:] = variance * np.eye(6)
+        state.stream.clock[0].variance_ratio = NEWEST
+        _update(buffers.arguments, NEWEST)
         _learn(buffers.arguments)
         assert status.time_since_update == 0.0
         learnt.append(np.abs(state.bias_filter.bias[:6]).max())
