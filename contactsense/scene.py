@@ -180,8 +180,8 @@ class Scene(FileModel):
     bandwidth: Annotated[float, Field(ge=1e-3, le=1e4)] = 10.0
     """Cut-off frequency of the momentum observer [Hz]: lower is less noisy, higher is faster."""
     bias_time: Annotated[float, Field(ge=0.1, le=1e9)] | None = 10.0
-    """Averaging time of the sensors' biases in free motion [s]: they may drift that slowly. None: the scene's
-    biases are constant."""
+    """Averaging time of the biases of base sensor and joint torques in free motion [s]: they may drift that
+    slowly. None: the scene's biases are constant, as those of sensors within the arm are always."""
     picks_up: bool = False
     """Whether the arm picks up payloads: a steady load along gravity at the flange is then a payload, not a
     contact. Needs base sensor and joint torques."""

@@ -18,7 +18,7 @@ from contactsense.kinematics.forward_kinematics import forward_kinematics
 from contactsense.kinematics.model import Model, Motion
 from contactsense.kinematics.spatial import Six
 from contactsense.robots.jit.kernel import inlined_kernel, kernel
-from contactsense.robots.vectors import vector
+from contactsense.robots.vectors import add_cross, cross, scale, vector
 
 
 @kernel
@@ -106,3 +106,27 @@ def of_link_alone(total: np.ndarray, k: int) -> Six:
         return a[0], a[1], a[2], a[3], a[4], a[5]
     b = total[k + 1]
     return a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3] - b[3], a[4] - b[4], a[5] - b[5]
+
+
+@kernel
+def per_shift_of_point_mass(
+    mass: float, place: np.ndarray, motion: Motion, gravity: np.ndarray, i: int
+) -> tuple[Six, Six]:
+    """How momentum and gravity wrench of a point mass on the last link change with a coordinate of its place,
+    per m.
+
+    Args:
+        mass: The mass [kg].
+        place: Its place in the link's frame, shape (3,) [m].
+        motion: Of the arm, after `kinematics_and_momenta`.
+        gravity: In base axes, shape (3,) [m/s^2].
+        i: The coordinate.
+    """
+    last = motion.origin.shape[0] - 1
+    R, angular = motion.rotation[last], vector(motion.twist[last, 3:])
+    shift = (R[0, i], R[1, i], R[2, i])
+    c = point_in_base(rows_of(R), vector(motion.origin[last]), vector(place))
+    v = add_cross(vector(motion.twist[last]), angular, c)
+    p, m = scale(mass, cross(angular, shift)), scale(mass, cross(shift, vector(gravity)))
+    L = add_cross(scale(mass, cross(shift, v)), c, p)
+    return (p[0], p[1], p[2], L[0], L[1], L[2]), (0.0, 0.0, 0.0, m[0], m[1], m[2])

@@ -8,7 +8,8 @@ import numpy as np
 from contactsense.kinematics.decorrelation import decorrelate
 from contactsense.kinematics.linalg.ldl import half_squared_norm, invert_spd
 from contactsense.kinematics.spatial import component_about, dot6
-from contactsense.residuals.bias_filter import update_by_torque, update_by_wrench, update_is_due
+from contactsense.residuals.bias_filter import update_is_due
+from contactsense.residuals.bias_update import update_by_torque, update_by_wrench
 from contactsense.residuals.friction_at_rest import TorqueVariance, energy_beyond_static_friction
 from contactsense.residuals.model_correction import apply_correction
 from contactsense.residuals.observers import parts_of

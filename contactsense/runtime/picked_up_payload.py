@@ -7,6 +7,8 @@ payload and added to the arm's model until it is put down.
 
 import numpy as np
 
+from contactsense.residuals.bias_filter import masses
+from contactsense.residuals.payload_error import add_payload_errors, remove_payload_errors
 from contactsense.robots import Inertia
 from contactsense.robots.tool import join_inertia
 from contactsense.runtime.buffers import KernelBuffers
@@ -45,14 +47,18 @@ class PickedUpPayload:
         self._down = scene.gravity_base / scene.gravity
         self._gravity = scene.gravity
         self._flange = scene.robot.flange_translation
+        self._estimates_masses = scene.inertia_error > 0.0
+        joints = len(scene.robot.joints)
+        self._last_mass = masses(joints) + joints - 1
         self._horizontal = np.linalg.svd(self._down[None])[2][1:]
         self.reset()
 
     def reset(self) -> None:
-        """Start without a payload; the caller restores the model."""
+        """Start without a payload; the caller restores model and filter."""
         self.mass = 0.0
         """Mass of the payload, without the scene's tool [kg]."""
-        self._unloaded: tuple[float, np.ndarray, np.ndarray] | None = None
+        self._unloaded: Inertia | None = None
+        self._unloaded_variance = 0.0
         self._begin_contact(0)
 
     def _begin_contact(self, number: int) -> None:
@@ -73,7 +79,8 @@ class PickedUpPayload:
         if age < max(MIN_DURATION, self._last_check + CHECK_INTERVAL):
             return None
         self._last_check = age
-        wrench, covariance = self._mean_wrench()
+        wrench, noise = self._mean_wrench()
+        covariance = noise + self._state.bias_filter.base_covariance
         force = float(self._down @ wrench[:3])
         tolerance = MAX_FORCE_CHANGE * np.sqrt(self._down @ covariance[:3, :3] @ self._down)
         self._steady_checks = self._steady_checks + 1 if abs(force - self._last_force) < tolerance else 0
@@ -82,7 +89,7 @@ class PickedUpPayload:
             return None
         mass = force / self._gravity
         if mass > 0.0 and self._unloaded is None:
-            self._pick_up(mass, np.cross(self._down, wrench[3:]) / force)
+            self._pick_up(mass, np.cross(self._down, wrench[3:]) / force, noise)
             return mass
         if self._unloaded is not None and abs(mass + self.mass) < MASS_TOLERANCE * self.mass:
             self._put_down()
@@ -90,10 +97,10 @@ class PickedUpPayload:
         return None
 
     def _mean_wrench(self) -> tuple[np.ndarray, np.ndarray]:
-        """Recent mean wrench on the base sensor, base axes, and its covariance."""
+        """Recent mean wrench on the base sensor, base axes, and the covariance of its noise."""
         track = self._state.track
         noise = track.windows[_WINDOW].variance_ratio * self._state.base_noise
-        return track.mean[_WINDOW, _BASE_WRENCH].copy(), noise + self._state.bias_filter.base_covariance
+        return track.mean[_WINDOW, _BASE_WRENCH].copy(), noise
 
     def _is_payload(self, wrench: np.ndarray, covariance: np.ndarray, force: float) -> bool:
         rows = np.zeros((3, 6))
@@ -116,23 +123,26 @@ class PickedUpPayload:
         motion = self._state.motion
         return np.asarray(motion.origin[-1] + motion.rotation[-1] @ self._flange)
 
-    def _pick_up(self, mass: float, point: np.ndarray) -> None:
-        """Join the payload to the last link. Its height is unobservable and set to that of the flange."""
-        model, motion = self._state.model, self._state.motion
-        self.mass, self._unloaded = (
-            mass,
-            (float(model.mass[-1]), model.com[-1].copy(), model.inertia[-1].copy()),
-        )
-        flange = self._flange_position()
-        point = point + self._down * (self._down @ (flange - point))
-        com = motion.rotation[-1].T @ (point - motion.origin[-1])
-        joined = join_inertia(Inertia(*self._unloaded), Inertia(mass, com, np.zeros((3, 3))))
-        model.mass[-1], model.com[-1], model.inertia[-1] = joined.mass, joined.com, joined.tensor
+    def _pick_up(self, mass: float, point: np.ndarray, noise: np.ndarray) -> None:
+        """Join the payload to the last link, at the height of the flange; the filter of the biases finds the
+        true one when the link tilts."""
+        model, motion, bias_filter = self._state.model, self._state.motion, self._state.bias_filter
+        rotation, origin = motion.rotation[-1], motion.origin[-1]
+        bare = Inertia(float(model.mass[-1]), model.com[-1].copy(), model.inertia[-1].copy())
+        point = point + self._down * (self._down @ (self._flange_position() - point))
+        payload = Inertia(mass, rotation.T @ (point - origin), np.zeros((3, 3)))
+        self.mass, self._unloaded = mass, bare
+        self._unloaded_variance = float(bias_filter.covariance[self._last_mass, self._last_mass])
+        add_payload_errors(bias_filter, bare, payload, rotation, origin, self._gravity * self._down, noise)
+        self._set_last_link(join_inertia(bare, payload))
 
     def _put_down(self) -> None:
-        """Restore the last link. What the filter has learnt of its mass meanwhile is that of link and payload
-        together, mostly the latter's."""
-        model = self._state.model
+        """Restore the last link."""
         assert self._unloaded is not None
-        model.mass[-1], model.com[-1], model.inertia[-1] = self._unloaded
+        remove_payload_errors(self._state.bias_filter, self._unloaded_variance, self._estimates_masses)
+        self._set_last_link(self._unloaded)
         self.mass, self._unloaded = 0.0, None
+
+    def _set_last_link(self, inertia: Inertia) -> None:
+        model = self._state.model
+        model.mass[-1], model.com[-1], model.inertia[-1] = inertia.mass, inertia.com, inertia.tensor

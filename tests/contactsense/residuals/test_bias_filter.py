@@ -142,7 +142,7 @@ def test_estimated_masses_are_as_uncertain_as_stated() -> None:
             localizer.step(sample)
         state = localizer._buffers.state
         error = np.array([x.inertia.mass for x in ARM.links])[1:] / state.model.mass[1:] - 1.0
-        covariance = state.bias_filter.covariance[18:, 18:]
+        covariance = state.bias_filter.covariance[18:24, 18:24]
         assert np.sqrt(covariance.diagonal()).min() < 0.1 * told, "some of them are known"
         squared += error @ np.linalg.solve(covariance, error)
     assert chi2.isf(0.999, 6 * draws) < squared < chi2.isf(0.001, 6 * draws)

@@ -15,15 +15,14 @@ from contactsense.residuals.bias_filter import (
     mass_covariance,
     predict,
     restart,
-    update_by_torque,
-    update_by_wrench,
 )
+from contactsense.residuals.bias_update import update_by_torque, update_by_wrench
 from contactsense.residuals.joint_friction import JointTorqueModel, joint_torque_model
 from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.sensors.settings import Friction
 
 N = 6
-SIZE = 6 + 3 * N
+SIZE = 9 + 3 * N
 MODEL = build_model(robots.load("ur5e"))
 GRAVITY = np.array([0.5, -1.0, -9.7])
 BANDWIDTH, DT = 10.0, 0.004
@@ -40,9 +39,10 @@ def torque_model() -> JointTorqueModel:
 
 
 def in_motion(seed: int = 0) -> Filter:
-    """A filter after some samples of a swinging arm, all of whose estimates are correlated."""
+    """A filter after some samples of a swinging arm with a payload, all of whose estimates are correlated."""
     drive, motion, state = torque_model(), empty_motion(N), zeros(BiasFilter, joints=N)
     restart(state, 0.05, np.array([0.0, 0.0, -30.0, 1.0, 2.0, 0.0]), drive.friction_error)
+    state.status[0].payload_mass, state.payload_place[:], state.gravity[:] = 1.5, (0.02, -0.03, 0.1), GRAVITY
     chance = np.random.default_rng(seed)
     for i in range(60):
         if i == 59:
@@ -62,14 +62,15 @@ def phi(state: BiasFilter) -> np.ndarray:
     rows[:N, 6 : 6 + N] = np.eye(N)
     rows[:N, 6 + N : 6 + 2 * N] = np.diag(state.friction_regressor)
     rows[N:, :6] = -np.eye(6)
-    rows[:, 6 + 2 * N :] = np.asarray(state.mass_regressor.residual).reshape(N, N + 6).T
+    rows[:, 6 + 2 * N :] = np.asarray(state.mass_regressor.residual).reshape(N + 3, N + 6).T
     return rows
 
 
 def test_what_remains_uncertain_is_added_to_the_residuals() -> None:
     state = in_motion().state
     rows = phi(state)
-    assert np.abs(rows[:, 6 + 2 * N :]).max() > 10.0
+    assert np.abs(rows[:, 6 + 2 * N : 6 + 3 * N]).max() > 10.0
+    assert np.abs(rows[:, 6 + 3 * N :]).max() > 10.0
     covariance = rows @ state.covariance @ rows.T
     np.testing.assert_allclose(state.torque_variance, np.diag(covariance)[:N], rtol=1e-10)
     np.testing.assert_allclose(state.base_covariance, covariance[N:, N:], rtol=1e-10, atol=1e-12)
@@ -78,8 +79,8 @@ def test_what_remains_uncertain_is_added_to_the_residuals() -> None:
 @pytest.mark.parametrize("first_body", [1, 4])
 def test_masses_of_what_a_link_sensor_carries_are_uncertain(first_body: int) -> None:
     state = in_motion().state
-    carried = phi(state)[N:, 6 + 2 * N + first_body - 1 :]
-    P = state.covariance[6 + 2 * N + first_body - 1 :, 6 + 2 * N + first_body - 1 :]
+    masses = slice(6 + 2 * N + first_body - 1, None)
+    carried, P = phi(state)[N:, masses], state.covariance[masses, masses]
     found = np.full((6, 6), np.nan)
     mass_covariance(state, first_body, found)
     np.testing.assert_allclose(found, carried @ P @ carried.T, rtol=1e-10, atol=1e-12)

@@ -17,12 +17,18 @@ from contactsense.residuals.joint_friction import joint_torque_model
 from contactsense.residuals.model_correction import MIN_RELATIVE_CHANGE, apply_correction
 from contactsense.residuals.momentum_observer import MomentumObserver
 from contactsense.residuals.observers import Observers, start_steps
+from contactsense.robots import Inertia
 from contactsense.robots.jit.flat_buffers import zeros
+from contactsense.robots.tool import join_inertia
 from contactsense.sensors.settings import Friction
 from tests.contactsense.residuals.test_filter_covariance import phi
 
 N, FIRST_BODY = 6, 4
 """Joints; first link that the link sensor carries."""
+SIZE = 9 + 3 * N
+"""Number of estimates."""
+PAYLOAD, PLACE = 1.5, np.array([0.02, -0.03, 0.1])
+"""Mass of the payload [kg] and its place in the last link's frame [m]."""
 BANDWIDTH, DT = 10.0, 0.004
 GRAVITY = np.array([0.5, -1.0, -9.7])
 Q, QD = np.array([0.2, -1.1, 1.3, -0.8, -1.2, 0.5]), np.array([0.5, -0.3, 0.8, -0.6, 1.0, -0.9])
@@ -46,10 +52,29 @@ class Arm:
         self.observers = zeros(Observers, joints=N, link_sensors=1)
         self.filter = zeros(BiasFilter, joints=N)
         restart(self.filter, 0.05, np.zeros(6), self.drive.friction_error)
+        self.bare = Inertia(float(self.model.mass[N]), self.model.com[N].copy(), self.model.inertia[N].copy())
+        self.filter.status[0].payload_mass, self.filter.gravity[:] = PAYLOAD, GRAVITY
+        self.load(PLACE)
         self.motion, self.spread = empty_motion(N), np.zeros(N)
         chance = np.random.default_rng(0)
         self.torque, self.wrench, self.link = (10.0 * chance.standard_normal(6) for _ in range(3))
         self.samples = 0
+
+    def load(self, place: np.ndarray) -> None:
+        """Put the payload there."""
+        self.filter.payload_place[:] = place
+        last = join_inertia(self.bare, Inertia(PAYLOAD, place, np.zeros((3, 3))))
+        self.model.mass[N], self.model.com[N], self.model.inertia[N] = last.mass, last.com, last.tensor
+
+    def know(self, correction: np.ndarray) -> None:
+        """Correct the model alone."""
+        self.filter.bias[:] = correction[:6]
+        self.drive.bias[:] += correction[6:12]
+        self.drive.friction_factor[:] *= 1.0 + correction[12:18]
+        self.load(PLACE + correction[24:])
+        self.model.mass[1:] *= 1.0 + correction[18:24]
+        self.model.inertia[1:] *= (1.0 + correction[18:24])[:, None, None]
+        self.filter.status[0].payload_mass *= 1.0 + correction[23]
 
     def step(self, count: int) -> None:
         for _ in range(count):
@@ -82,23 +107,28 @@ class Arm:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("part", "speed"),
-    [(slice(0, 6), 1.0), (slice(6, 12), 1.0), (slice(12, 18), 1.0), (slice(18, 24), 0.0), (slice(24), 0.0)],
+    [
+        (slice(0, 6), 1.0),
+        (slice(6, 12), 1.0),
+        (slice(12, 18), 1.0),
+        (slice(18, 24), 0.0),
+        (slice(24, 27), 0.0),
+        (slice(24), 0.0),
+    ],
 )
 def test_the_residuals_are_those_of_the_corrected_model(part: slice, speed: float) -> None:
-    """Biases of base wrench or torques, friction, masses, and all. With masses the arm is at rest: what they
-    add is low-passed in each link's frame, which turns, and carried over as it is."""
-    correction = np.zeros(6 + 3 * N)
-    correction[part] = np.random.default_rng(1).uniform(-0.4, 0.6, 6 + 3 * N)[part]
+    """Biases of base wrench or torques, friction, masses, the payload's place, and all but that, which is
+    multiplied with its mass. With masses the arm is at rest: what they add is low-passed in each link's
+    frame, which turns, and carried over as it is."""
+    correction = np.zeros(SIZE)
+    correction[part] = np.random.default_rng(1).uniform(-0.4, 0.6, SIZE)[part]
     corrected, known = Arm(speed), Arm(speed)
     corrected.step(800)
     before = corrected.residuals()
     corrected.correct(correction)
-    known.filter.bias[:] = correction[:6]
-    known.drive.bias[:] += correction[6:12]
-    known.drive.friction_factor[:] *= 1.0 + correction[12:18]
-    known.model.mass[1:] *= 1.0 + correction[18:]
-    known.model.inertia[1:] *= (1.0 + correction[18:])[:, None, None]
+    known.know(correction)
     known.step(800)
+    np.testing.assert_allclose(corrected.model.inertia, known.model.inertia, atol=1e-12)
     np.testing.assert_allclose(corrected.residuals(), known.residuals(), atol=1e-8)
     assert np.abs(corrected.residuals() - before).max() > 0.1
     for _ in range(5):
@@ -110,13 +140,12 @@ def test_the_residuals_are_those_of_the_corrected_model(part: slice, speed: floa
 @pytest.mark.slow
 def test_what_an_error_of_a_mass_does_is_that_of_the_corrected_mass() -> None:
     """In motion: a link's momentum jumps with its mass, but what it adds to the residuals must not."""
-    correction = np.zeros(6 + 3 * N)
-    correction[18:] = 0.3, -0.2, 0.1, 0.4, -0.3, 0.2
+    correction = np.zeros(SIZE)
+    correction[18:24] = 0.3, -0.2, 0.1, 0.4, -0.3, 0.2
     corrected, known = Arm(1.0), Arm(1.0)
     corrected.step(800)
     corrected.correct(correction)
-    known.model.mass[1:] *= 1.0 + correction[18:]
-    known.model.inertia[1:] *= (1.0 + correction[18:])[:, None, None]
+    known.know(correction)
     known.step(800)
     for _ in range(5):
         expected = known.filter.mass_regressor.residual
@@ -129,9 +158,9 @@ def test_what_an_error_of_a_mass_does_is_that_of_the_corrected_mass() -> None:
 @pytest.mark.slow
 def test_a_correction_leaves_what_is_not_known_as_it_is() -> None:
     """The covariance of the residuals is that before: they are the same numbers in other units."""
-    arm, correction = Arm(1.0), np.random.default_rng(2).uniform(-0.4, 0.6, 6 + 3 * N)
+    arm, correction = Arm(1.0), np.random.default_rng(2).uniform(-0.4, 0.6, SIZE)
     arm.step(400)
-    spread = np.random.default_rng(3).standard_normal(2 * (6 + 3 * N,))
+    spread = np.random.default_rng(3).standard_normal(2 * (SIZE,))
     arm.filter.covariance[:] = 1e-3 * spread @ spread.T
     before = phi(arm.filter) @ arm.filter.covariance @ phi(arm.filter).T
     arm.correct(correction)
@@ -145,7 +174,7 @@ def test_no_mass_and_no_friction_falls_below_half_at_once() -> None:
     arm = Arm(1.0)
     mass = arm.model.mass.copy()
     arm.step(2)
-    arm.correct(np.concatenate((np.zeros(12), np.full(6, -0.9), np.full(6, -3.0))))
+    arm.correct(np.concatenate((np.zeros(12), np.full(6, -0.9), np.full(6, -3.0), np.zeros(3))))
     np.testing.assert_allclose(arm.model.mass[1:], (1.0 + MIN_RELATIVE_CHANGE) * mass[1:])
     np.testing.assert_allclose(arm.drive.friction_factor, 1.0 + MIN_RELATIVE_CHANGE)
     assert MIN_RELATIVE_CHANGE == -0.5

@@ -1,11 +1,17 @@
 """A weight that is picked up is told from a push, carried along, and put down again."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from contactsense import JointTorqueSensor, Localizer, Sample, Scene, WrenchSensor
 from contactsense.kinematics.inverse_dynamics import inverse_dynamics
-from contactsense.kinematics.model import build_model, empty_motion
+from contactsense.kinematics.model import Model, build_model, empty_motion
+from contactsense.kinematics.momenta import kinematics_and_momenta
+from contactsense.residuals.bias_filter import masses, payload_place
+from contactsense.residuals.payload_error import HEIGHT_STD
 from contactsense.robots.tool import Tool
 from contactsense.runtime.picked_up_payload import CHECK_INTERVAL
 from contactsense.scene_model.arm_model import model_with_tool
@@ -16,6 +22,8 @@ POSTURE = np.array([0.2, -1.1, 1.3, -0.8, -1.2, 0.5])
 DT = 0.004
 MASS = 1.5
 NOISE = np.repeat([0.25, 0.05], 3)
+ESTIMATES = slice(masses(6) + 5, payload_place(6) + 3)
+"""Mass of the last link with its payload, and place of the payload, among what the filter estimates."""
 
 
 @pytest.fixture(scope="module")
@@ -30,14 +38,24 @@ def localizer() -> Localizer:
     )
 
 
+def _loaded(com: Sequence[float]) -> Model:
+    """The arm with the weight, whose centre of mass is there in the flange's frame."""
+    return model_with_tool(Scene(robot=ARM, tool=Tool(mass=MASS, com=tuple(com))))
+
+
+def _sample(t: float, model: Model, motion: Sequence[np.ndarray], chance: np.random.Generator) -> Sample:
+    """Noisy readings of an arm; `motion`: its positions, velocities and accelerations."""
+    torque, wrench, gravity = np.empty(6), np.empty(6), Scene(robot=ARM).gravity_base
+    inverse_dynamics(model, *motion, gravity, empty_motion(6), torque, wrench)
+    noise = chance.standard_normal((2, 6))
+    return Sample(float(t), motion[0], motion[1], torque + noise[0], wrench + NOISE * noise[1])
+
+
 def _stream(
     seconds: float, carried: tuple[float, float], swing: tuple[float, float] = (0.0, 0.0)
 ) -> list[Sample]:
     """A weight hangs at the flange from and until; the shoulder turns back and forth from and until."""
-    gravity, chance, motion = Scene(robot=ARM).gravity_base, np.random.default_rng(3), empty_motion(6)
-    bare = build_model(ARM)
-    heavy = model_with_tool(Scene(robot=ARM, tool=Tool(mass=MASS, com=(0.02, -0.01, 0.0))))
-    torque, wrench, samples = np.empty(6), np.empty(6), []
+    chance, bare, heavy, samples = np.random.default_rng(3), build_model(ARM), _loaded((0.02, -0.01, 0.0)), []
     for t in np.arange(0.0, seconds, DT):
         q, qd, qdd = POSTURE.copy(), np.zeros(6), np.zeros(6)
         if swing[0] <= t < swing[1]:
@@ -45,9 +63,25 @@ def _stream(
             q[0] += 0.2 * (1.0 - c) ** 2
             qd[0], qdd[0] = 0.4 * (1.0 - c) * s, 0.4 * (s * s + (1.0 - c) * c)
         model = heavy if carried[0] <= t < carried[1] else bare
-        inverse_dynamics(model, q, qd, qdd, gravity, motion, torque, wrench)
-        noisy = wrench + NOISE * chance.standard_normal(6)
-        samples.append(Sample(float(t), q, qd, torque + chance.standard_normal(6), noisy))
+        samples.append(_sample(t, model, (q, qd, qdd), chance))
+    return samples
+
+
+def _tilted(place: np.ndarray, seed: int) -> list[Sample]:
+    """A weight hangs there almost from the start, in the last link's frame; then the wrist turns, so that the
+    weight pulls in other directions of the link."""
+    flange = ARM.flange_rotation.T @ (place - ARM.flange_translation)
+    chance, bare, heavy, samples = np.random.default_rng(seed), build_model(ARM), _loaded(flange), []
+    turn = np.array([0.0, 0.0, 0.0, 0.8, 0.8, 0.0])
+    for t in np.arange(0.0, 3.2, DT):
+        s = np.clip((t - 1.5) / 1.5, 0.0, 1.0)
+        angle, rate, change = (
+            s**3 * (10 - 15 * s + 6 * s**2),
+            30 * (s - s**2) ** 2,
+            60 * s - 180 * s**2 + 120 * s**3,
+        )
+        motion = POSTURE + angle * turn, rate / 1.5 * turn, change / 1.5**2 * turn
+        samples.append(_sample(t, heavy if t > 0.3 else bare, motion, chance))
     return samples
 
 
@@ -82,6 +116,47 @@ def test_a_payload_is_picked_up_carried_and_put_down(localizer: Localizer) -> No
     np.testing.assert_array_equal(
         localizer._buffers.state.model.mass, localizer._buffers.constants.model.mass
     )
+
+
+@pytest.mark.slow
+def test_a_payload_is_known_as_well_as_stated(localizer: Localizer) -> None:
+    """Its height, which no posture tells, is found when it tilts, which is no contact. Squared errors of mass
+    and place in units of the stated covariance are those of chi-square, before and after."""
+    exact = Localizer(localizer.scene.model_copy(update={"bias_time": None}))
+    state, draws, squared, motion = exact._buffers.state, 20, np.zeros(2), empty_motion(6)
+    kinematics_and_momenta(build_model(ARM), POSTURE, np.zeros(6), np.zeros(3), motion)
+    mass = ARM.links[-1].inertia.mass + MASS
+    for seed in range(draws):
+        exact.reset()
+        offset = np.array([0.05, 0.05, HEIGHT_STD]) * np.random.default_rng(seed).standard_normal(3)
+        place = ARM.flange_translation + motion.rotation[-1].T @ offset
+        samples = _tilted(place, seed)
+        for after, part in enumerate((samples[: round(1.5 / DT)], samples[round(1.5 / DT) :])):
+            contacts = [exact.step(sample).contacts for sample in part]
+            assert not (after and any(contacts))
+            error = np.append(mass / state.model.mass[-1] - 1.0, place - state.bias_filter.payload_place)
+            covariance = state.bias_filter.covariance[ESTIMATES, ESTIMATES]
+            squared[after] += error @ np.linalg.solve(covariance, error)
+            height = np.sqrt(np.linalg.eigvalsh(covariance[1:, 1:])[-1])
+            assert height < 2e-3 if after else height > 0.99 * HEIGHT_STD
+    assert chi2.isf(0.999, 4 * draws) < squared.min()
+    assert squared.max() < chi2.isf(0.001, 4 * draws)
+
+
+def test_the_last_link_is_as_uncertain_as_before_once_the_payload_is_put_down(localizer: Localizer) -> None:
+    """What is known of link and payload together says little of the link."""
+    plain = Localizer(localizer.scene.model_copy(update={"inertia_error": 0.05}))
+    found, last, variances = plain._buffers.state.bias_filter, ESTIMATES.start, []
+    for sample in _stream(5.0, (1.0, 3.0)):
+        variances.append(found.covariance[last, last])
+        weights = [event.mass for event in plain.step(sample).events if event.kind == "weight"]
+        if weights and weights[0] < 0.0:
+            break
+    assert weights[0] == pytest.approx(-MASS, abs=0.03)
+    assert variances[-1] < 0.1 * variances[round(1.5 / DT)]
+    assert found.covariance[last, last] == pytest.approx(variances[round(1.5 / DT)], rel=1e-9)
+    assert found.status[0].payload_mass == 0.0
+    assert not found.covariance[last + 1 :].any()
 
 
 @pytest.mark.parametrize("angle", [0.15, 0.4])
