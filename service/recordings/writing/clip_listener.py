@@ -77,6 +77,7 @@ class ClipListener:
         # A row's last value is its time on the monotonic clock, by which clips are cut: the host's clock may
         # be set at any moment.
         self._ring = Ring(max(_CHUNK, int(60.0 * settings.minutes * rate)), len(self._rows.names) + 1)
+        self._warnings: set[str] = set()
         limit = int(1e6 * settings.disk_megabytes)
         self._oldest_clips = OldestFiles(self._folder, CLIP, limit, self._warn)
         self._rate = rate
@@ -213,7 +214,10 @@ class ClipListener:
                 return
 
     def _warn(self, text: str) -> None:
-        self._reports.append({"type": "recorder warning", "text": text})
+        """Report once what each new file finds again."""
+        if text not in self._warnings:
+            self._warnings.add(text)
+            self._reports.append({"type": "recorder warning", "text": text})
 
     def _report_clip(self, wanted: _Wanted, rows: np.ndarray) -> None:
         """Write a clip; one that fails is reported, and ends no recording."""

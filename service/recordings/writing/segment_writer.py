@@ -272,8 +272,8 @@ def to_parquet(path: Path, group: int = _GROUP) -> Path | None:
                     break
     except pa.ArrowInvalid:
         rows = 0  # not even the schema was written
-    except UnreadableSegmentError:
-        part.unlink(missing_ok=True)
+    except (OSError, UnreadableSegmentError):
+        part.unlink(missing_ok=True)  # on a full disk it would keep later rows from being written
         raise
     if rows == 0:
         part.unlink(missing_ok=True)

@@ -126,3 +126,17 @@ def test_a_recording_holds_every_row_until_it_is_ended(tmp_path: Path) -> None:
     listener.close()
     (path,) = tmp_path.glob("service-*.parquet")
     np.testing.assert_array_equal(read(path).q[:, 0], np.arange(777))
+
+
+def test_an_old_file_that_cannot_be_completed_is_told_once(tmp_path: Path) -> None:
+    (tmp_path / "service-0.arrows").mkdir()  # no user may read it as a file
+    listener = ClipListener(SCENE, RecordingSettings(folder=tmp_path, minutes=0.1), 500.0)
+    for _ in range(3):
+        listener.command({"type": "record", "on": True})
+        listener.receive(sample(0), estimate(0))
+        listener.command({"type": "record", "on": False})
+    listener.close()
+    assert len(list(tmp_path.glob("service-*.parquet"))) == 3
+    told = [report["text"] for report in listener.take_reports() if report["type"] == "recorder warning"]
+    assert len(told) == 1
+    assert "service-0.arrows: cannot be completed" in told[0]

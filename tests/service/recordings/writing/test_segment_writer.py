@@ -296,3 +296,21 @@ def test_a_segment_that_cannot_become_parquet_is_reported(
     with pytest.raises(RecordingError, match="No space left on device"):
         writer.close()
     assert list(tmp_path.glob("*.arrows"))  # the next start repairs it
+
+
+def test_what_a_full_disk_leaves_of_a_conversion_makes_room(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(writer: object, table: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    writer = SegmentWriter(tmp_path, "a", NAMES, {})
+    writer.add((0.0, 0.0))
+    writer.flush()
+    (path,) = tmp_path.iterdir()
+    monkeypatch.setattr(pa_parquet.ParquetWriter, "write_table", full)
+    with pytest.raises(OSError, match="No space left"):
+        to_parquet(path)
+    assert list(tmp_path.iterdir()) == [path]
+    monkeypatch.undo()
+    assert len(writer.close()) == 1
