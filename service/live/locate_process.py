@@ -76,7 +76,9 @@ class LocateProcess:
             )
         self._requests += 1
         # A request that is cancelled keeps its turn until its answer has come: the next one would read it.
-        return await asyncio.shield(self._locate_in_turn((list(samples), external, contacts)))
+        task = asyncio.ensure_future(self._locate_in_turn((list(samples), external, contacts)))
+        task.add_done_callback(_look_at_error)
+        return await asyncio.shield(task)
 
     async def _locate_in_turn(self, request: Request) -> list[bytes]:
         try:
@@ -180,6 +182,12 @@ class LocateProcess:
             process.kill()  # clients can repeat a request in progress
             process.join()
             process.close()
+
+
+def _look_at_error(task: asyncio.Task[list[bytes]]) -> None:
+    """Nobody else looks where the request has been cancelled, and asyncio would log that as an error."""
+    if not task.cancelled():
+        task.exception()
 
 
 def work(connection: Connection) -> None:

@@ -1,6 +1,7 @@
 """Static samples are located elsewhere; that process may die without harm."""
 
 import asyncio
+import gc
 import os
 import signal
 import threading
@@ -158,3 +159,34 @@ def test_a_request_that_is_cancelled_keeps_its_turn_until_it_is_answered(
 
     asyncio.run(scenario())
     assert at_once == [1, 1]
+
+
+def test_a_request_that_is_cancelled_and_then_fails_is_no_error_of_the_service(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A client had gone while the process hung, and the log had a traceback."""
+    begun, go_on = threading.Event(), threading.Event()
+    errors: list[dict[str, Any]] = []
+
+    def ask(process: LocateProcess, request: Request) -> list[bytes]:
+        begun.set()
+        go_on.wait(10.0)
+        raise LocateError("it failed")
+
+    async def scenario() -> None:
+        asyncio.get_running_loop().set_exception_handler(lambda _, error: errors.append(error))
+        monkeypatch.setattr(LocateProcess, "_ask", ask)
+        process = LocateProcess(Scene(robot="ur5e"))
+        first = asyncio.create_task(process.locate([SAMPLE], True))
+        assert await asyncio.to_thread(begun.wait, 10.0)
+        first.cancel()
+        go_on.set()
+        while process._requests:
+            await asyncio.sleep(0.001)
+        with pytest.raises(LocateError, match="it failed"):
+            await process.locate([SAMPLE], True)
+        del first  # asyncio looks at what is left
+        gc.collect()
+
+    asyncio.run(scenario())
+    assert errors == []
