@@ -61,7 +61,8 @@ class Recorder:
     @property
     def repaired(self) -> list[Path]:
         """Unfinished files of an earlier run that were repaired."""
-        return [] if self._samples is None else self._samples.repaired
+        writers = (self._samples, self._wrench)
+        return [file for writer in writers if writer is not None for file in writer.repaired]
 
     @property
     def removed(self) -> int:
