@@ -13,8 +13,8 @@ is added to the covariance of the residuals.
 
 Biases are random walks. Their variance is such that each estimate converges to the average of its residual
 over a time T: sigma^2 dt / T^2 per second for white noise sigma in samples dt apart; those of the base sensor
-are correlated as its noise is, which depends on where it sits. The variance of a
-friction factor returns to that between days within `FRICTION_TIME`.
+are correlated as its noise is, which depends on where it sits. The variance of a friction factor returns to
+that between days within `FRICTION_TIME`.
 """
 
 import math
@@ -213,11 +213,7 @@ def estimated_columns(bias_filter: BiasFilter) -> int:
 
 @kernel
 def _advance_mass_regressor(
-    bias_filter: BiasFilter,
-    torque_model: JointTorqueModel,
-    motion: Motion,
-    dt: float,
-    bandwidth: float,
+    bias_filter: BiasFilter, torque_model: JointTorqueModel, motion: Motion, dt: float, bandwidth: float
 ) -> None:
     """Columns of Phi for masses and payload; arguments as for `predict`."""
     n = bias_filter.torque_variance.shape[0]

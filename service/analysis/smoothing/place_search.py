@@ -3,8 +3,9 @@
 In each window the force f and the torsion xi are free; the path of the place (one knot: a fixed place), the
 offset h of the real surface at its knots and the biases b of the sensors are shared.
 `contactsense.service.analysis.smoothing.path_elimination` eliminates force and torsion; Gauss-Newton runs on
-what is shared. The priors are those of `contactsense.solvers.posterior.contact_prior`; those of lean and
-torsion count once for the whole contact, as what a contact patch does in one window it does in the next.
+what is shared. The prior of the motion is that of `contactsense.service.analysis.smoothing.path_prior`, the
+others are those of `contactsense.solvers.posterior.contact_prior`; those of lean and torsion count once for
+the whole contact, as what a contact patch does in one window it does in the next.
 """
 
 import math
