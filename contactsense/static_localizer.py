@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from typing import Any, Literal, get_args
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
@@ -37,6 +37,10 @@ Method = Literal["joint", "torques_first", "intrinsic"]
 wrench and torques alone, then the position on it. `intrinsic`: the link likewise (Eberman & Salisbury 1989),
 then the closed form of Bicchi, Salisbury & Brock (1993) on its primitives; it needs a base sensor and knows
 no probabilities. The last two are baselines for comparison."""
+
+_Limits: TypeAlias = tuple[Usable, float, float, int, int]
+"""Which sensors measure; threshold of detection; smallest detectable force [N]; `sensor_bits` and `options`
+for `contactsense.runtime.kernels.process`."""
 
 
 class StaticLocalizer:
@@ -78,9 +82,9 @@ class StaticLocalizer:
         self._sample_fields = SampleFields(self._scene_sensors, self._link_sensors, self._joints)
         self._thresholds = SampleThresholds(scene)
         self._detectable = DetectableForce(constants, self._buffers.state, self._thresholds)
-        # Threshold, detectable force and `sensor_bits` of single measurements, for the sets of sensors given
-        # so far, and whether the arm's weight was subtracted from their values.
-        self._detection_limits: dict[tuple[Usable, bool], tuple[float, float, int]] = {}
+        # For the measurements so far: without base wrench, without torques, whether the arm's weight was
+        # subtracted from their values.
+        self._detection_limits: dict[tuple[bool, bool, bool], _Limits] = {}
         self._process: Callable[..., int]
 
     @property
@@ -155,32 +159,24 @@ class StaticLocalizer:
                 (mistaken units, values beyond the limits of joints or sensor, a mistaken `external`), or the
                 scene has no such sensor.
         """
-        if type(external) is not bool or type(detect) is not bool:  # two calls take a fifth of an RNEA's time
+        # Half of the time of a call is Python's: no function is called that need not be.
+        if type(external) is not bool or type(detect) is not bool:
             external, detect = checked_flag("external", external), checked_flag("detect", detect)
         given_links = wrist_wrench is not None or link_wrenches is not None
         links = by_field(wrist_wrench, link_wrenches) if given_links else {}
-        usable = (base_wrench is not None, joint_torque is not None, 0)
-        limits = None if links else self._detection_limits.get((usable, external))
+        limits = None
+        if not links:
+            limits = self._detection_limits.get((base_wrench is None, joint_torque is None, external))
         if limits is None:
-            usable = self._given_sensors((base_wrench, joint_torque), links)
-            limits = (
-                self._thresholds.threshold(usable),
-                self._detectable.of_measurement(usable, external),
-                sensor_bits_of(usable),
-            )
-            self._detection_limits[usable, external] = limits
-        locator = self._set_locator(contacts, known, drift) if contacts != 1 or known else None
-        threshold, self._estimate_builder.detectable, sensor_bits = limits
-        options = self._options | AT_REST
-        if external:
-            options |= EXTERNAL
-        if locator is not None:
+            limits = self._limits_of((base_wrench, joint_torque), links, external)
+        usable, threshold, self._estimate_builder.detectable, sensor_bits, options = limits
+        locator = None
+        if contacts != 1 or known:
+            locator = self._set_locator(contacts, known, drift)
             options |= DETECT_ONLY
         if not detect:
             threshold = -1.0
-        elif not (self._intrinsic or (links and self._plausible.has_link_range)):
-            # The kernel knows no ranges of link sensors.
-            options |= CHECKED
+            options &= ~CHECKED
         readings = self._sample_fields.values(q, joint_torque, base_wrench, links)
         count = self._locate_once(readings, sensor_bits, options, threshold)
         if detect and (count == DOUBTFUL or not options & CHECKED):
@@ -196,6 +192,31 @@ class StaticLocalizer:
                 return multiple
             self._locate_once(readings, sensor_bits, options & ~(CHECKED | DETECT_ONLY), threshold)
         return self._estimate_builder.contacts(0.0, self._found())
+
+    def _limits_of(
+        self,
+        given: tuple[np.ndarray | None, np.ndarray | None],
+        links: Mapping[str, np.ndarray],
+        external: bool,
+    ) -> _Limits:
+        """Those of a measurement by the sensors that have values; without link sensors they are kept."""
+        usable = self._given_sensors(given, links)
+        options = self._options | AT_REST
+        if external:
+            options |= EXTERNAL
+        if not (self._intrinsic or (links and self._plausible.has_link_range)):
+            # The kernel knows no ranges of link sensors.
+            options |= CHECKED
+        limits = (
+            usable,
+            self._thresholds.threshold(usable),
+            self._detectable.of_measurement(usable, external),
+            sensor_bits_of(usable),
+            options,
+        )
+        if not links:
+            self._detection_limits[given[0] is None, given[1] is None, external] = limits
+        return limits
 
     def _set_locator(
         self, contacts: int, known: Sequence[Contact], drift: float | None
@@ -224,18 +245,17 @@ class StaticLocalizer:
             raise ValueError(f"{found.field}{row}: {found.reason}")
 
     def _locate_once(self, readings: Readings, sensor_bits: int, options: int, threshold: float) -> int:
-        """`contactsense.runtime.kernels.process`; readings of other array types are converted.
+        """`contactsense.runtime.kernels.process`.
 
         Raises:
-            ValueError: a reading cannot be converted; the message names the argument.
+            ValueError: a reading is not finite or has the wrong size; the message names the argument.
         """
         if self._intrinsic:
             return self._locate_once_intrinsic(readings, sensor_bits, options & EXTERNAL != 0, threshold)
         buffers, skin = self._kernel_args
-        if self._sample_fields.are_vectors(readings):
-            found = self._process(buffers, skin, options, threshold, sensor_bits, readings)
-            if found != NOT_FINITE:
-                return found
+        found = self._process(buffers, skin, options, threshold, sensor_bits, readings)
+        if found != NOT_FINITE:
+            return found
         readings = self._sample_fields.checked(readings)
         return self._process(buffers, skin, options, threshold, sensor_bits, readings)
 

@@ -123,14 +123,11 @@ def _steps(localizer: Localizer, motion: Motion) -> list[float]:
 def _locates(localizer: Localizer, motion: Motion, rows: np.ndarray) -> list[float]:
     clock = time.perf_counter
     result = []
-    for i in rows:
+    for q, torque, wrench in zip(
+        motion.q[rows], motion.joint_torque[rows], motion.base_wrench[rows], strict=True
+    ):
         start = clock()
-        localizer.locate(
-            motion.q[i],
-            base_wrench=motion.base_wrench[i],
-            joint_torque=motion.joint_torque[i],
-            external=False,
-        )
+        localizer.locate(q, base_wrench=wrench, joint_torque=torque, external=False)
         result.append(clock() - start)
     return result
 

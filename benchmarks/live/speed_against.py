@@ -53,8 +53,9 @@ for k in range(3):
         localizer.step(sample)
         steps[k, i] = clock() - began
     for j, i in enumerate(rows):
+        position, wrench, torque = q[i], base[i], tau[i]
         began = clock()
-        localizer.locate(q[i], base_wrench=base[i], joint_torque=tau[i], external=False)
+        localizer.locate(position, base_wrench=wrench, joint_torque=torque, external=False)
         locates[k, j] = clock() - began
     batches.append(batch())
 # The fastest of three repetitions of a sample is what the code needs; the rest is the machine.

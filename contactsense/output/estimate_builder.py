@@ -123,20 +123,17 @@ class EstimateBuilder:
         phase: Phase,
     ) -> Contact:
         """One contact, which keeps views of `vectors`; `primitive` is that among the link's own."""
-        point, point_base, normal, force, covariance = _split(vectors)
-        body = ""
-        if self._touched_body is not None:
-            body = self._touched_body.name(link, primitive, point_base, force, covariance)
-        if link > self._joints:
-            # A tool's points are given in the flange frame, not in that of its body.
-            point = (point - self._flange[1]) @ self._flange[0]
         contact: Any = _MutableContact()
         contact.link, contact.link_index, contact.primitive = self._names[link], link, primitive
         contact.probability, contact.torsion = probability, torsion
-        contact.point, contact.point_base = point, point_base
-        contact.normal_base, contact.force_base = normal, force
-        contact.covariance, contact.body = covariance, body
-        contact.id, contact.phase = number, phase
+        contact.point, point, contact.normal_base, force, covariance = _split(vectors)
+        contact.point_base, contact.force_base, contact.covariance = point, force, covariance
+        contact.id, contact.phase, contact.body = number, phase, ""
+        if self._touched_body is not None:
+            contact.body = self._touched_body.name(link, primitive, point, force, covariance)
+        if link > self._joints:
+            # A tool's points are given in the flange frame, not in that of its body.
+            contact.point = (contact.point - self._flange[1]) @ self._flange[0]
         contact.__class__ = Contact
         filled: Contact = contact
         return filled

@@ -88,33 +88,29 @@ class SampleFields:
         base: np.ndarray | None = None,
         links: Mapping[str, np.ndarray] | None = None,
     ) -> Readings:
-        """One measurement of an arm at rest: positions and a value for each sensor, zeros for missing values.
-        In place of the velocities, which nothing reads, are the positions again.
+        """One measurement of an arm at rest, as vectors of floats: positions and a value for each sensor,
+        zeros for missing values. In place of the velocities, which nothing reads, are the positions again.
 
         Raises:
-            ValueError: the value of a link sensor has the wrong shape or is not finite; the message names it.
+            ValueError: a value has the wrong shape, is no number or, unless it is an array of floats, not
+                finite; the message names it.
         """
         if self._link_sensors:
             for s, name in enumerate(self._link_sensors):
                 value = (links or {}).get(name)
                 self._link_wrench[s] = 0.0 if value is None else checked_vector(name, value, 6, "N, Nm")
-        return (
-            q,
-            q,
-            self._no_torque if torque is None else torque,
-            self._no_wrench if base is None else base,
-            self._link_wrench,
-        )
-
-    @staticmethod
-    def are_vectors(values: Readings) -> bool:
-        """Whether kernels that are called directly take what `values` returns."""
-        q, _, torque, base, _ = values
-        if not type(q) is type(torque) is type(base) is np.ndarray:  # a column of pandas is none, either
-            return False
-        return (
-            q.dtype is torque.dtype is base.dtype is _FLOAT and q.ndim == torque.ndim == base.ndim == 1
-        ) or _are_vectors(q, torque, base)
+        if torque is None:
+            torque = self._no_torque
+        if base is None:
+            base = self._no_wrench
+        # Kernels that are called directly take this for granted; a column of pandas is no array.
+        if (
+            type(q) is type(torque) is type(base) is np.ndarray
+            and q.dtype is torque.dtype is base.dtype is _FLOAT
+            and q.ndim == torque.ndim == base.ndim == 1
+        ):
+            return q, q, torque, base, self._link_wrench
+        return self.checked((q, q, torque, base, self._link_wrench))
 
     def checked(self, values: Readings) -> Readings:
         """What `values` returns as arrays of finite floats that the kernels accept.
