@@ -5,6 +5,7 @@ of the link that carries them, and so do links behind other movable joints, such
 below the arm, which are held at zero and named in `Robot.held`.
 """
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -276,8 +277,9 @@ def _check_tensor(path: Path, link: str, body: Inertia) -> None:
 def _joint(path: Path, joint: Any, parts: list[tuple[str, np.ndarray]]) -> Joint:
     pose = dict(parts)[joint.parent] @ _pose(joint.origin)
     axis = np.array([1.0, 0.0, 0.0]) if joint.axis is None else np.asarray(joint.axis, dtype=np.float64)
-    if not np.linalg.norm(axis) > 0.0:
-        raise RobotError(f"{path}: joint {joint.name}: the axis has no direction")
+    length = math.hypot(*axis)
+    if not 0.0 < length < math.inf:
+        raise RobotError(f"{path}: joint {joint.name}: the axis has no direction: {axis.tolist()}")
     limit = joint.limit
     if joint.type == "revolute" and (limit is None or limit.lower is None or limit.upper is None):
         raise RobotError(f"{path}: joint {joint.name}: a revolute joint needs lower and upper limits")
@@ -304,7 +306,7 @@ def _joint(path: Path, joint: Any, parts: list[tuple[str, np.ndarray]]) -> Joint
         name=joint.name,
         rotation=pose[:3, :3],
         translation=pose[:3, 3],
-        axis=axis / np.linalg.norm(axis),
+        axis=axis / length,
         position_limits=bounds,
         velocity_limit=float(limit.velocity) if limit is not None and limit.velocity else np.inf,
         torque_limit=float(limit.effort) if limit is not None and limit.effort else np.inf,

@@ -96,6 +96,8 @@ def _check_kind(path: Path) -> None:
     if "xmlns" in root.attrib:
         raise RobotError(f"{path}: expected URDF without a namespace, got xmlns={root.attrib['xmlns']!r}")
     for body in root:
+        if body.tag == "joint":
+            _check_ends(path, body)
         if body.tag in ("link", "joint"):
             _check_numbers(path, body)
             _check_shapes(path, body)
@@ -109,6 +111,13 @@ def _root_element(path: Path) -> ElementTree.Element:
     with path.open("rb") as file:
         parser.ParseFile(file)
     return tree.close()
+
+
+def _check_ends(path: Path, joint: ElementTree.Element) -> None:
+    """Refuse a joint without one of its two links: the reader's own message does not name it."""
+    for tag in ("parent", "child"):
+        if joint.find(tag) is None:
+            raise RobotError(f"{path}: joint {joint.get('name')}: expected the element {tag}, got none")
 
 
 def _check_numbers(path: Path, body: ElementTree.Element) -> None:
