@@ -179,7 +179,9 @@ def compare(robot: str, noise: Noise, runs: int, seed: int) -> Iterator[Row]:
     "--robot", "names", multiple=True, default=("ur5e",), help="Arm by name, panda, or a URDF with a surface."
 )
 @click.option("--runs", default=150, show_default=True, help="Postures with three contacts each.")
-@click.option("--seed", default=0, show_default=True, help="Seed of the random numbers.")
+@click.option(
+    "--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of the random numbers."
+)
 @click.option("--json", "as_json", is_flag=True, help="Plain numbers instead of tables.")
 def main(names: tuple[str, ...], runs: int, seed: int, as_json: bool) -> None:
     """Print success and error for one, two and three contacts that are added one after another."""

@@ -144,7 +144,9 @@ def _row(contacts: int, arriving: str, outcomes: list[Outcome]) -> Row:
     "--robot", "names", multiple=True, default=("ur5e",), help="Arm by name, or a URDF with a surface."
 )
 @click.option("--runs", default=200, show_default=True, help="Postures with three contacts each.")
-@click.option("--seed", default=0, show_default=True, help="Seed of the random numbers.")
+@click.option(
+    "--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of the random numbers."
+)
 @click.option("--json", "as_json", is_flag=True, help="Plain numbers instead of tables.")
 def main(names: tuple[str, ...], runs: int, seed: int, as_json: bool) -> None:
     """Compare answers with several contacts with the result of a search that starts at the truth."""

@@ -107,7 +107,9 @@ def _wrist_noise(constants: Constants, q: np.ndarray, rng: np.random.Generator) 
     help="Contacts, each in a posture of its own.",
 )
 @options.force("Magnitude of each force [N].")
-@click.option("--seed", default=0, show_default=True, help="Seed of the random numbers.")
+@click.option(
+    "--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of the random numbers."
+)
 @options.as_json
 def cells(scenes: tuple[Path, ...], contacts: int, force: float, seed: int, as_json: bool) -> None:
     """Measure what the sensors of each of SCENES can determine of a contact, by touched link."""

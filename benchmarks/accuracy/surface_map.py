@@ -100,7 +100,9 @@ class Agreement(NamedTuple):
 @click.option(
     "--every", type=click.IntRange(1), default=1, show_default=True, help="Simulate every n-th place only."
 )
-@click.option("--seed", default=1, show_default=True, help="Seed of postures and noise.")
+@click.option(
+    "--seed", type=click.IntRange(0), default=1, show_default=True, help="Seed of postures and noise."
+)
 @options.as_json
 def surface_map(
     names: tuple[str, ...],

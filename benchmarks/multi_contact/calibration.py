@@ -125,6 +125,7 @@ def _locate(
 @options.force("Size of each force [N].")
 @click.option(
     "--seed",
+    type=click.IntRange(min=0),
     default=1,
     show_default=True,
     help="Seed of the random numbers: tune with one, evaluate with another.",

@@ -63,6 +63,7 @@ _WIDEST = 500
 @click.option("--no-boxes", is_flag=True, help="Bodies of revolution only.")
 @click.option(
     "--seed",
+    type=click.IntRange(min=0),
     default=0,
     show_default=True,
     help="Seed of the random numbers; the same seed gives the same result.",

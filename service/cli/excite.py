@@ -68,7 +68,9 @@ from contactsense.service.recordings.problems import RecordingError
 @click.option(
     "--tries", default=60, show_default=True, type=click.IntRange(2), help="Number of candidate motions."
 )
-@click.option("--seed", default=0, show_default=True, help="Seed of the random numbers.")
+@click.option(
+    "--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of the random numbers."
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the result for a program.")
 def excite(
     name: str | None,

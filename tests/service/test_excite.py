@@ -43,6 +43,7 @@ def test_the_summary_names_every_parameter() -> None:
         (["--robot", "ur5e", "--home", "1,2"], 2, "--home: expected 6 angles in degrees"),
         (["--robot", "ur5e", "--speed", "2"], 2, "'--speed': 2.0 is not in the range 0.0<x<=1.0"),
         (["--robot", "ur5e", "--clearance", "-1"], 2, "'--clearance': -1.0 is not in the range 0.0<=x"),
+        (["--robot", "ur5e", "--seed", "-1"], 2, "'--seed': -1 is not in the range x>=0"),
         (["--robot", "ur5e", "--floor", "nan"], 2, "'--floor': expected a finite number, got nan"),
         (["--robot", "ur5e", "--seconds", "nan"], 2, "'--seconds': expected a finite number, got nan"),
         (["--robot", "nobody"], 1, "nobody"),

@@ -103,6 +103,7 @@ def test_robots_draws_one(tmp_path: Path) -> None:
             "tip: ur5e ends at wrist_3; only a URDF may end elsewhere",
         ),
         (["decompose", "ur5e", "--scale", "0.001"], 2, "--scale: expected --as-tool or --as-body"),
+        (["decompose", "hand.stl", "--as-tool", "--seed", "-1"], 2, "'--seed': -1 is not in the range x>=0"),
         (["decompose", "hand.stl", "--as-tool", "--scale", "0"], 2, "'--scale': 0.0 is not in the range x>0"),
         (["decompose", "hand.stl", "--as-tool", "--scale", "nan"], 2, "'--scale': expected a finite number"),
         (["decompose", "ur5e", "--out", "no/x.yaml"], 1, "--out: no/x.yaml: there is no folder no"),
