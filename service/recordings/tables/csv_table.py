@@ -148,6 +148,10 @@ class CsvTable:
         named = _commented_names(head, second)
         if named is not None:
             head = second
+        if "\r" in head and head.replace("\t", "").replace("\r", "").isprintable():
+            raise RecordingError(
+                f"{path}: expected lines that end with LF or CR LF, got CR alone: save it anew"
+            )
         if not head.replace("\t", "").isprintable():
             raise RecordingError(f"{path}: expected a table as text, got binary data")
         for beginning, found in _OTHER_BEGINNINGS.items():
@@ -236,8 +240,10 @@ class CsvTable:
         self.problems += rejected
 
     def _parsed(self, batch: pa.RecordBatch, names: list[str], first: int) -> Columns:
-        cells = {name: self._cells(batch.column(name)) for name in names}
-        columns = {name: np.array([_number(cell) for cell in cells[name]]) for name in names}
+        cells: dict[str, list[str | None]] = {name: batch.column(name).to_pylist() for name in names}
+        columns = {
+            name: np.array(list(map(_number, self._with_points(batch.column(name))))) for name in names
+        }
         bad = {name: _words(cells[name], columns[name]) for name in names}
         rows = set[int].intersection(*bad.values())  # such as units below the header
         for begin, end in _runs(rows):
@@ -251,7 +257,8 @@ class CsvTable:
                 self._report(first + begin, first + end, message)
         return columns
 
-    def _cells(self, column: pa.Array) -> list[str | None]:
+    def _with_points(self, column: pa.Array) -> list[str | None]:
+        """The cells of a column with decimal points."""
         if self._decimal_commas:
             column = pc.replace_substring(column, ",", ".")
         cells: list[str | None] = column.to_pylist()
@@ -300,7 +307,7 @@ def _words(cells: list[str | None], values: np.ndarray) -> set[int]:
     return {
         int(i)
         for i in np.flatnonzero(np.isnan(values))
-        if (cell := cells[i]) and cell.strip().lower() not in _MISSING
+        if (cell := cells[i]) and cell.strip().lower().replace(",", ".") not in _MISSING
     }
 
 

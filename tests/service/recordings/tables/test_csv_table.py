@@ -184,6 +184,12 @@ def test_what_is_no_text_is_not_printed(tmp_path: Path) -> None:
         read(tmp_path / "a.csv", SCENE)
 
 
+def test_line_ends_of_old_spreadsheets_are_told(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(text(columns()).replace("\n", "\r"), newline="")
+    with pytest.raises(RecordingError, match="expected lines that end with LF or CR LF, got CR alone"):
+        read(tmp_path / "a.csv", SCENE)
+
+
 def test_zeros_at_the_end_of_a_file_are_not_printed_at_length(tmp_path: Path) -> None:
     """They are left where the power failed while a program wrote: the message had 16 kB."""
     (tmp_path / "a.csv").write_bytes(text(columns()).encode().rstrip() + 4096 * b"\0")
@@ -223,6 +229,29 @@ def test_decimal_commas_between_other_delimiters(tmp_path: Path, delimiter: str)
     np.testing.assert_array_equal(recording.t, found["timestamp"])
     np.testing.assert_array_equal(recording.q, table(found, "actual_q"))
     assert not recording.problems
+
+
+@pytest.mark.parametrize(("delimiter", "cell"), [(";", "1.200,5"), (",", '"1,200.5"')])
+def test_a_number_with_a_separator_of_thousands_is_shown_as_the_file_has_it(
+    tmp_path: Path, delimiter: str, cell: str
+) -> None:
+    head, first, *lines = text(columns(), delimiter).splitlines()
+    first = first.rpartition(delimiter)[0] + delimiter + cell
+    (tmp_path / "a.csv").write_text("\n".join([head, first, *lines]))
+    shown = cell.strip('"')
+    assert problem_lines(read(tmp_path / "a.csv", SCENE).problems) == (
+        f"row 0: base_wrench_5: expected numbers, got '{shown}'",
+    )
+
+
+def test_a_missing_number_with_a_decimal_comma(tmp_path: Path) -> None:
+    """Windows writes a number that is none as 1.#QNAN, with the decimal mark of the language."""
+    head, first, *lines = text(columns(), ";").replace(".", ",").splitlines()
+    first = first.rpartition(";")[0] + ";1,#QNAN"
+    (tmp_path / "a.csv").write_text("\n".join([head, first, *lines]))
+    assert problem_lines(read(tmp_path / "a.csv", SCENE).problems) == (
+        "row 0: base_wrench is missing or not finite",
+    )
 
 
 def test_a_header_is_missed_where_commas_are_decimal(tmp_path: Path) -> None:
