@@ -42,7 +42,10 @@ _STYLE = """
 :root[data-mantine-color-scheme="dark"] { --mantine-color-dimmed: #b4bcc4; }
 p, li { overflow-wrap: anywhere; }
 table th { text-align: left; }
-td:first-child { overflow-wrap: anywhere; } /* names of links */
+table th, table td { padding-right: 0.3em; }
+/* Names of links: long ones are broken, those of UR arms also fit beside the numbers into the narrower panel
+that viser shows where its page begins before it knows the width. */
+td:first-child { overflow-wrap: anywhere; min-width: 6.6em; }
 td:not(:first-child) { white-space: nowrap; } /* numbers with their units */
 .mantine-NumberInput-root[style*="width: 3rem"] { width: 4.5rem !important; }
 @media (max-width: 36em) {

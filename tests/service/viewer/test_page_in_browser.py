@@ -135,6 +135,22 @@ def test_on_a_phone_a_long_name_leaves_room_for_the_numbers(shown: Shown) -> Non
         shown.estimate = None
 
 
+def test_names_of_links_are_not_broken_in_a_narrow_panel(shown: Shown) -> None:
+    """viser's page sometimes begins with its own width of the panel, 324 instead of 388 px, and keeps it: the
+    table then has 282 px."""
+    shown.estimate = estimate(SCENE, contact(SCENE, POSTURE, 2, np.array([-0.2, 0.05, 0.1])))
+    try:
+        opened(shown, 1280, 800, dark=False)
+        table = "document.querySelector('table')"
+        assert until(lambda: "upper_arm" in shown.page.evaluate(f"{table}?.innerText ?? ''"), PATIENCE)
+        shown.page.evaluate(f"{table}.parentElement.style.width = '282px'")
+        height = f"{table}.querySelector('td').getBoundingClientRect().height"
+        assert shown.page.evaluate(height) < 30.0
+        assert shown.page.evaluate(f"{table}.getBoundingClientRect().width") <= 283.0
+    finally:
+        shown.estimate = None
+
+
 def test_the_time_in_a_recording_of_a_day_is_not_cut_off(shown: Shown) -> None:
     shown.viewer.add_controls(
         "Recording", lambda gui: gui.add_slider("Time, s", 0.0, 86400.0, 0.01, 86399.99)
