@@ -11,6 +11,10 @@ step to the next, white noise of variance v in the velocity gives D the variance
   and are longer than noise that they are no larger than: an error of up to dt in time makes the velocity
   wrong by D dt, twice as much as noise of the same D. So with Q the sum of D^2 / (g v) over the n joints that
   move, the share 1 - n / Q of D^2 counts as a change of the accelerations, if it is positive.
+- **Noise that comes back.** A joint that creeps may report velocities without noise, and v vanishes. So the
+  usual noise u is kept, too: it rises as fast as v, falls `USUAL_TIME` times as slowly, and not at all while
+  v is far below it. With the first D that is more than `RETURN_DEVIATION` standard deviations of v, v is u
+  again.
 
 A joint at rest reports zero velocity, so it has no noise, and g has fewer terms in the first two samples
 after rest, in which the motion begins: they do not count in the average. When a joint moves again, it begins
@@ -36,6 +40,13 @@ could be much too small by chance."""
 LARGEST_FIRST_NOISE = 0.03
 """Standard deviation of the velocity that the first samples can show [rad/s]. More is a wrong value, which a
 joint that is at rest afterwards would remember."""
+RETURN_DEVIATION = 5.0
+"""Standard deviations of D beyond which the usual noise is back: more than white noise has, so that noise
+that has become less for good is not taken for the usual one. Noise that would exceed this when it comes back
+has vanished: then u is kept."""
+USUAL_TIME = 10.0
+"""Time over which the usual noise falls, in units of `NOISE_TIME`: many motions have shorter pauses, and an
+error of it is soon undone."""
 REFRESH_TIME, REFRESH_CHANGE, REFRESH_SHARE = 0.01, 1.2, 0.8
 """What depends on the noise and the posture is worked out again after this time [s], when the sum of the
 variances has changed by this factor, or for a change of the accelerations of which the share in D^2 is larger
@@ -43,6 +54,7 @@ than this. In twice the time a fast arm turns so far that the noise of its veloc
 than are known, in which a sensor may be far more precise."""
 LEAST_VARIANCE = 1e-30
 """Where velocities have no noise at all [rad^2/s^2]."""
+RETURN_SQUARE = RETURN_DEVIATION**2
 _NONE = (0.0, 0.0, 0.0)
 
 
@@ -73,6 +85,8 @@ class VelocityNoise(NamedTuple):
     """Change of the velocity per time up to that sample [rad/s^2]."""
     variance: Annotated[Floats, "joints"]
     """v of each joint, when it last moved [rad^2/s^2]."""
+    usual: Annotated[Floats, "joints"]
+    """u of each joint: its noise where it has any [rad^2/s^2]."""
     present: Annotated[Floats, "joints"]
     """v in this sample: zero for a joint at rest [rad^2/s^2]."""
     moving: Annotated[Integers, "joints"]
@@ -100,6 +114,7 @@ def follow_velocity_noise(state: VelocityNoise, qd: np.ndarray, dt: float) -> bo
     if dt <= 0.0:
         history.count, history.age, history.sum_then = 0, 0.0, 0.0
         state.samples[:], state.variance[:], state.present[:] = 0.0, 0.0, 0.0
+        state.usual[:] = 0.0
         state.moving[:] = 0
         state.velocity[:], state.acceleration[:] = 0.0, 0.0
     # 1 / dt, 1 / dt0, and the least weight of a sample.
@@ -121,7 +136,8 @@ def follow_velocity_noise(state: VelocityNoise, qd: np.ndarray, dt: float) -> bo
                 state.change[j] = acceleration - state.acceleration[j]
                 squares += _follow_change(state, j, rates)
                 moving += 1
-        begins = begins or (state.present[j] > 0.0) != (before > 0.0)
+        # Noise that comes back in one joint may be small in the sum, but is the only one in its direction.
+        begins = begins or state.present[j] > REFRESH_CHANGE * before or state.present[j] == 0.0 < before
         if state.samples[j] < FIRST_SAMPLES:
             largest = max(largest, state.present[j])
         state.acceleration[j], state.velocity[j] = acceleration, qd[j]
@@ -161,7 +177,10 @@ def _follow_change(state: VelocityNoise, j: int, rates: tuple[float, float, floa
     """
     newest, before, least_weight = rates
     square = state.change[j] * state.change[j] / noise_gain(newest, before, state.moving[j])
-    first, known = state.samples[j] < FIRST_SAMPLES, state.variance[j]
+    first = state.samples[j] < FIRST_SAMPLES
+    if not first and square > RETURN_SQUARE * state.variance[j]:
+        state.variance[j] = max(state.variance[j], state.usual[j])
+    known = state.variance[j]
     # Noise that had vanished for long can still grow from the least variance.
     largest = LARGEST_DEVIATION * LARGEST_DEVIATION * max(known, LEAST_VARIANCE)
     counted = min(square, LARGEST_FIRST_NOISE * LARGEST_FIRST_NOISE if first else largest)
@@ -169,6 +188,9 @@ def _follow_change(state: VelocityNoise, j: int, rates: tuple[float, float, floa
         state.samples[j] += 1.0
         weight = max(1.0 / state.samples[j], least_weight)
         state.variance[j] += weight * (counted - known)
+        if not first and state.variance[j] * RETURN_SQUARE >= state.usual[j]:
+            lasting = least_weight / USUAL_TIME if state.variance[j] < state.usual[j] else weight
+            state.usual[j] += lasting * (counted - state.usual[j])
     if first:
         known = max(known, state.present[j], counted)
     state.present[j] = known if first else state.variance[j]

@@ -4,7 +4,7 @@ for a contact, and contacts that come meanwhile are found."""
 import numpy as np
 import pytest
 
-from contactsense import Localizer, Sample, Scene, robots
+from contactsense import Localizer, Sample, Scene, WrenchSensor, robots
 from contactsense.service.mock.arm.measured_velocity import measured_velocity
 from contactsense.service.mock.arm.newton_euler import inverse_dynamics
 from contactsense.service.mock.arm.script import Script
@@ -56,6 +56,31 @@ def test_where_accelerations_jump_there_is_no_contact(localizer: Localizer, nois
     ]
     assert len(found) > 5000
     assert set(found[100:]) == {"none"}
+
+
+def test_the_start_of_a_motion_after_creeping_is_no_contact() -> None:
+    """A joint that creeps has no noise, which returns when it moves. That of the wrench is a twelfth of the
+    usual, so that of the velocities is what counts."""
+    sensor = WrenchSensor(force_noise=0.02, moment_noise=0.004)
+    localizer = Localizer(Scene(robot="ur5e", base_wrench=sensor, joint_torque=None))
+    chance = np.random.default_rng(0)
+    ease = 0.5 - 0.5 * np.cos(np.pi * np.arange(100) / 100.0)
+    fast = np.concatenate((ease, np.ones(250), ease[::-1]))
+    speed = np.concatenate([5e-4 + 0.3 * sign * fast for sign in np.tile([1.0, -1.0], 4)])
+    speed = np.insert(speed, np.repeat(450 * np.arange(8), 500), 5e-4)
+    path, rate = DT * np.cumsum(speed), np.gradient(speed, DT)
+    motion = HOME + np.outer(path, SHARE), np.outer(speed, SHARE), np.outer(rate, SHARE)
+    base = inverse_dynamics(robots.load("ur5e"), *motion)[1]
+    base += 0.08 * NOISE * chance.standard_normal(base.shape)
+    qd = measured_velocity(motion[1], 0.001, chance)
+    detectable = []
+    for i, sample in enumerate(zip(motion[0], qd, base, strict=True)):
+        estimate = localizer.step(Sample(DT * i, sample[0], sample[1], base_wrench=sample[2]))
+        assert estimate.status == "none" or i < 100
+        detectable.append(estimate.detectable)
+    # In each creeping a light touch is detected that the noise of the motion would hide.
+    creeping, moving = np.reshape(detectable, (8, 950))[:, [450, 700]].T
+    assert (creeping[1:] < 0.2 * moving[1:]).all()
 
 
 @pytest.mark.parametrize("noise", [0.0003, 0.001, 0.003])

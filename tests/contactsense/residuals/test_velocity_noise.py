@@ -173,6 +173,59 @@ def test_a_wrong_value_at_rest_is_no_noise_of_the_next_motion() -> None:
     assert found[-1].present[0] == pytest.approx(0.001**2, rel=0.5)
 
 
+def creeping(joints: int = 1) -> np.ndarray:
+    """Velocities (2000, joints) of joints that creep, without noise in samples 500 to 1500."""
+    noise = 0.001 * np.random.default_rng(12).standard_normal((2000, joints))
+    noise[500:1500] = 0.0
+    return 5e-4 + noise
+
+
+def test_noise_that_vanishes_while_a_joint_creeps_is_not_forgotten() -> None:
+    """It is back with the first sample that has noise, not only when it has been measured again."""
+    found = followed(creeping())
+    assert found[1499].present[0] < 1e-8 * 0.001**2
+    for state in found[1500:1600]:
+        assert state.present[0] == pytest.approx(0.001**2, rel=0.7)
+
+
+def test_noise_is_not_forgotten_between_creeping_and_rest() -> None:
+    """Where the first two samples of the next motion do not count in the average."""
+    velocity = creeping()
+    velocity[1400:1500] = 0.0
+    found = followed(velocity)
+    assert found[1450].present[0] == 0.0
+    for state in found[1500:1600]:
+        assert state.present[0] == pytest.approx(0.001**2, rel=0.7)
+
+
+def test_what_depends_on_it_is_refreshed_when_the_noise_of_one_joint_is_back() -> None:
+    """However small it is in the sum, and however short a time ago that was."""
+    chance = np.random.default_rng(13)
+    for back in range(1500, 1506):
+        velocity = creeping(6)
+        velocity[1500:back, 0] = 5e-4
+        velocity[:, 1:] = 5e-4 + 0.002 * chance.standard_normal((2000, 5))
+        assert followed(velocity)[back].history[0]["due"]
+
+
+def test_noise_that_has_become_less_is_less() -> None:
+    """Its return would exceed five standard deviations, which the lesser noise does not."""
+    chance, deviation = np.random.default_rng(14), np.repeat([0.01, 0.001, 0.0001], 2000)[:, None]
+    found = followed(0.3 + deviation * chance.standard_normal((6000, 1)))
+    for state, expected in zip(found[::100], deviation[::100, 0].tolist(), strict=True):
+        if state.history[0]["count"] % 2000 > 400:
+            assert state.present[0] == pytest.approx(expected**2, rel=0.7)
+
+
+@pytest.mark.parametrize(("creep", "begins"), [(0.0, 20), (5e-4, 5)])
+def test_motion_without_noise_leaves_none_to_come_back(creep: float, begins: int) -> None:
+    """Where its ramps begin and end there are sudden changes, also in the first samples of the stream."""
+    velocity = creep + 1.4 * 0.002 * np.clip(np.arange(1000) - begins - 0.4, 0.0, 880.0)
+    found = followed(velocity[:, None])
+    assert found[begins + 882].history[0]["changes"]
+    assert max(state.present[0] for state in found[begins + 880 :]) < 1e-12
+
+
 def test_noise_that_has_vanished_is_measured_when_it_is_back() -> None:
     """At a constant velocity without noise the variance falls below what a number can hold."""
     chance = np.random.default_rng(9)
