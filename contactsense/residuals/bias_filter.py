@@ -118,6 +118,9 @@ class BiasFilter(NamedTuple):
     """Place of the payload, a point mass, in the last link's frame [m]."""
     gravity: Annotated[Floats, "3"]
     """Gravity on the payload, base axes [m/s^2]."""
+    bare_covariance: Annotated[Floats, "9 + 3 * joints"]
+    """While there is a payload: covariance of all estimates with the relative mass of the last link alone, as
+    it was estimated before."""
     status: Annotated[Records[BiasFilterStatus], "1"]
 
 

@@ -96,9 +96,15 @@ def _update(bias_filter: BiasFilter, residual: float, variance: float) -> None:
     for i in range(size):
         innovation_variance += cross_covariance[i] * row[i]
     precision = 1.0 / innovation_variance
+    # The last link without its payload is not corrected, but what is known of the rest changes.
+    bare, with_bare = bias_filter.bare_covariance, 0.0
+    if status.payload_mass > 0.0:
+        for k in range(size):
+            with_bare += row[k] * bare[k]
     for i in range(size):
         gain = cross_covariance[i] * precision
         if gain != 0.0:
             correction[i] -= gain * innovation
+            bare[i] -= gain * with_bare
             for k in range(size):
                 P[i, k] -= gain * cross_covariance[k]

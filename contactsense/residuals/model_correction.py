@@ -248,17 +248,19 @@ def _correct_covariance(bias_filter: BiasFilter) -> None:
     another sum of errors after each correction, and seem to be known soon.
     """
     P, n, x = bias_filter.covariance, bias_filter.torque_variance.shape[0], bias_filter.correction
-    last, place = masses(n) + n - 1, payload_place(n)
+    last, place, bare = masses(n) + n - 1, payload_place(n), bias_filter.bare_covariance
     for i in range(friction_factors(n), P.shape[0]):
         scale = 1.0 / (1.0 + x[min(i, last)])
         for k in range(P.shape[0]):
             P[i, k] *= scale
             P[k, i] *= scale
+        bare[i] *= scale
     for i in range(place, place + 3):
         for k in range(P.shape[0]):
             P[i, k] -= x[i] * P[last, k]
         for k in range(P.shape[0]):
             P[k, i] -= x[i] * P[k, last]
+        bare[i] -= x[i] * bare[last]
 
 
 @kernel

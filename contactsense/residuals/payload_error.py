@@ -54,6 +54,7 @@ def add_payload_errors(
     transfer = np.eye(len(P))
     transfer[estimates] = of_wrench @ _rows_of_base_wrench(bias_filter)
     transfer[estimates, last] += np.append(bare.mass / mass, bare.mass * (bare.com - com) / payload.mass)
+    bias_filter.bare_covariance[:] = transfer @ P[last]
     P[:] = transfer @ P @ transfer.T
     P[np.ix_(estimates, estimates)] += of_wrench @ noise @ of_wrench.T
     height = HEIGHT_STD * rotation.T @ down
@@ -67,7 +68,9 @@ def add_payload_errors(
 def remove_payload_errors(bias_filter: BiasFilter, mass_variance: float, estimates_masses: bool) -> None:
     """Let the filter estimate the last link alone again, as it was before `add_payload_errors`.
 
-    What it has learnt of the link's mass meanwhile is that of link and payload, mostly the latter's.
+    What it has learnt of the link's mass meanwhile is that of link and payload, mostly the latter's. But its
+    error is still related to those of biases and other masses, of which the sensors tell only sums: taken for
+    independent, all of them would seem to be known soon.
 
     Args:
         bias_filter: Changed in place.
@@ -77,6 +80,7 @@ def remove_payload_errors(bias_filter: BiasFilter, mass_variance: float, estimat
     n = len(bias_filter.torque_variance)
     last, P = masses(n) + n - 1, bias_filter.covariance
     P[last:, :] = P[:, last:] = 0.0
+    P[last, :last] = P[:last, last] = bias_filter.bare_covariance[:last]
     P[last, last] = mass_variance
     status = bias_filter.status[0]
     status.payload_mass, status.estimates_masses = 0.0, estimates_masses

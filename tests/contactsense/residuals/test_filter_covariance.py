@@ -18,6 +18,8 @@ from contactsense.residuals.bias_filter import (
 )
 from contactsense.residuals.bias_update import update_by_torque, update_by_wrench
 from contactsense.residuals.joint_friction import JointTorqueModel, joint_torque_model
+from contactsense.residuals.payload_error import add_payload_errors, remove_payload_errors
+from contactsense.robots import Inertia
 from contactsense.robots.jit.flat_buffers import zeros
 from contactsense.sensors.settings import Friction
 
@@ -111,6 +113,38 @@ def test_an_update_by_a_wrench_counts_that_its_noise_is_correlated() -> None:
     update_by_wrench(state, wrench, noise, 1.5)
     np.testing.assert_allclose(state.correction, before - gain @ (wrench + rows @ before), rtol=1e-7)
     np.testing.assert_allclose(state.covariance, P - gain @ rows @ P, rtol=1e-7, atol=1e-11)
+
+
+def test_the_bare_link_is_known_no_better_while_it_carries_a_payload() -> None:
+    """A Kalman filter that does not correct it: what remains is the covariance of all errors together."""
+    state, chance = in_motion().state, np.random.default_rng(4)
+    spread = 0.03 * chance.standard_normal((SIZE + 1, SIZE + 1))
+    P = spread @ spread.T
+    state.covariance[:], state.bare_covariance[:] = P[:SIZE, :SIZE], P[SIZE, :SIZE]
+    row, variance = np.append(phi(state)[2], 0.0), 0.3
+    gain = P @ row / (row @ P @ row + variance)
+    gain[SIZE] = 0.0
+    kept = np.eye(SIZE + 1) - np.outer(gain, row)
+    expected = kept @ P @ kept.T + variance * np.outer(gain, gain)
+    update_by_torque(state, 2, 2.5, variance)
+    np.testing.assert_allclose(state.bare_covariance, expected[SIZE, :SIZE], rtol=1e-8, atol=1e-12)
+    np.testing.assert_allclose(state.covariance, expected[:SIZE, :SIZE], rtol=1e-7, atol=1e-11)
+
+
+@pytest.mark.parametrize("error", [0.0, 0.05])
+def test_a_payload_that_is_put_down_at_once_leaves_all_as_it_was(error: float) -> None:
+    """What is not known of the last link is still the same sums with other errors."""
+    state, chance = in_motion().state, np.random.default_rng(5)
+    last = 5 + 6 + 2 * N
+    spread = error * chance.standard_normal((last + 1, last + 1))
+    state.status[0].payload_mass, state.covariance[:] = 0.0, 0.0
+    state.covariance[: last + 1, : last + 1] = spread @ spread.T
+    before = state.covariance.copy()
+    link, payload = robots.load("ur5e").links[-1].inertia, Inertia(1.5, np.full(3, 0.1), np.zeros((3, 3)))
+    add_payload_errors(state, link, payload, np.eye(3), np.full(3, 0.3), GRAVITY, 1e-4 * np.eye(6))
+    assert np.trace(state.covariance) > np.trace(before)
+    remove_payload_errors(state, before[last, last], error > 0.0)
+    np.testing.assert_allclose(state.covariance, before, rtol=1e-12)
 
 
 def test_friction_above_that_of_the_scene() -> None:

@@ -157,15 +157,19 @@ def test_what_an_error_of_a_mass_does_is_that_of_the_corrected_mass() -> None:
 
 @pytest.mark.slow
 def test_a_correction_leaves_what_is_not_known_as_it_is() -> None:
-    """The covariance of the residuals is that before: they are the same numbers in other units."""
+    """The covariance of the residuals is that before, and so is that with the mass of the link without its
+    payload, which no correction changes: they are the same numbers in other units."""
     arm, correction = Arm(1.0), np.random.default_rng(2).uniform(-0.4, 0.6, SIZE)
     arm.step(400)
     spread = np.random.default_rng(3).standard_normal(2 * (SIZE,))
     arm.filter.covariance[:] = 1e-3 * spread @ spread.T
+    arm.filter.bare_covariance[:] = spread[0]
     before = phi(arm.filter) @ arm.filter.covariance @ phi(arm.filter).T
+    with_bare = phi(arm.filter) @ spread[0]
     arm.correct(correction)
     after = phi(arm.filter) @ arm.filter.covariance @ phi(arm.filter).T
     np.testing.assert_allclose(after, before, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(phi(arm.filter) @ arm.filter.bare_covariance, with_bare, rtol=1e-9)
     assert np.abs(before).max() > 1.0
 
 
