@@ -11,6 +11,9 @@ their change with the payload's place; that of a friction factor is the low-pass
 filter is updated in free motion only. In a contact it is held, and the uncertainty that remains, Phi P Phi^T,
 is added to the covariance of the residuals.
 
+The momentum of a payload is quadratic in its place. While its height is not known, the square of that error
+counts as noise in one direction of the residuals, of the mean square 3 s^4 for an error of variance s^2.
+
 Biases are random walks. Their variance is such that each estimate converges to the average of its residual
 over a time T: sigma^2 dt / T^2 per second for white noise sigma in samples dt apart; those of the base sensor
 are correlated as its noise is, which depends on where it sits. The variance of a friction factor returns to
@@ -29,6 +32,7 @@ from contactsense.residuals.joint_friction import JointTorqueModel
 from contactsense.residuals.momentum_observer import MomentumObserver, advance, start_step
 from contactsense.robots.jit.declaration import Floats, Records, Sized, record
 from contactsense.robots.jit.kernel import inlined_kernel, kernel
+from contactsense.robots.vectors import cross, rotate, scale, vector
 
 UPDATE_INTERVAL = 2.0
 """Time between two updates, in time constants of the observer."""
@@ -118,6 +122,12 @@ class BiasFilter(NamedTuple):
     """Place of the payload, a point mass, in the last link's frame [m]."""
     gravity: Annotated[Floats, "3"]
     """Gravity on the payload, base axes [m/s^2]."""
+    height_axis: Annotated[Floats, "3"]
+    """Unit vector along which the payload's place was not known, in the last link's frame."""
+    height_regressor: Annotated[MomentumObserver, Sized(equations="joints + 6")]
+    """By how much the square of an error along that axis makes the residuals wrong: joints, then base."""
+    wrench_noise: Annotated[Floats, "6, 6"]
+    """Scratch: covariance of the wrench's noise and of the square of that error."""
     bare_covariance: Annotated[Floats, "9 + 3 * joints"]
     """While there is a payload: covariance of all estimates with the relative mass of the last link alone, as
     it was estimated before."""
@@ -135,7 +145,8 @@ def restart(
         base_weight: Gravity wrench on the base link, shape (6,) [N, Nm]; an error of it is a bias.
         friction_error: Relative standard deviation of each joint's friction, shape (n,).
     """
-    for array in (*bias_filter[:2], *bias_filter.mass_regressor, *bias_filter[3:]):
+    observers = (*bias_filter.mass_regressor, *bias_filter.height_regressor)
+    for array in (*observers, *(part for part in bias_filter if not isinstance(part, MomentumObserver))):
         np.asarray(array).fill(0)
     base_weight_error = inertia_error * base_weight
     bias_filter.covariance[:6, :6] = np.outer(base_weight_error, base_weight_error)
@@ -241,6 +252,45 @@ def _advance_mass_regressor(
             advance(bias_filter.mass_regressor, regressor_of(n, k) + j, h, drift, step)
         for i in range(6):
             advance(bias_filter.mass_regressor, regressor_of(n, k) + n + i, momentum[i], weight[i], step)
+    if bias_filter.status[0].payload_mass > 0.0:
+        _advance_height_regressor(bias_filter, torque_model, motion, dt, bandwidth)
+
+
+@kernel
+def _advance_height_regressor(
+    bias_filter: BiasFilter, torque_model: JointTorqueModel, motion: Motion, dt: float, bandwidth: float
+) -> None:
+    """The part of the payload's momentum that is quadratic in its place: with u along `height_axis` and the
+    angular velocity w of the link, m u x (w x u) per m^2, at any place. Arguments as for `predict`."""
+    n, mass = bias_filter.torque_variance.shape[0], bias_filter.status[0].payload_mass
+    step = start_step(bias_filter.height_regressor, dt, bandwidth)
+    w = vector(motion.twist[n, 3:])
+    u = rotate(motion.rotation[n], vector(bias_filter.height_axis))
+    L = scale(mass, cross(u, cross(w, u)))
+    for j in range(n):
+        s, v = motion.screw[j], motion.screw_rate[j]
+        h = torque_model.inertia * (s[3] * L[0] + s[4] * L[1] + s[5] * L[2])
+        drift = torque_model.inertia * (v[3] * L[0] + v[4] * L[1] + v[5] * L[2])
+        advance(bias_filter.height_regressor, j, h, drift, step)
+    for i in range(3):
+        advance(bias_filter.height_regressor, n + 3 + i, L[i], 0.0, step)
+
+
+@kernel
+def square_variance(bias_filter: BiasFilter) -> float:
+    """Mean of the fourth power of the error along `height_axis`: thrice the square of its variance [m^4]."""
+    if bias_filter.status[0].payload_mass <= 0.0:
+        return 0.0
+    P, d, place = (
+        bias_filter.covariance,
+        bias_filter.height_axis,
+        payload_place(bias_filter.torque_variance.shape[0]),
+    )
+    variance = 0.0
+    for i in range(3):
+        for k in range(3):
+            variance += d[i] * P[place + i, place + k] * d[k]
+    return 3.0 * variance * variance
 
 
 @kernel
@@ -279,8 +329,10 @@ def _add_mass_covariance(bias_filter: BiasFilter, n: int) -> None:
             for i in range(count):
                 total += P[first + k, first + i] * r[regressor_of(n, i) + equation]
             residual_mass_covariance[equation, k] = total
+    square, of_square = square_variance(bias_filter), bias_filter.height_regressor.residual
     for j in range(n):
         friction = bias_filter.friction_regressor[j]
+        torque_variance[j] += square * of_square[j] * of_square[j]
         for k in range(count):
             other = P[TORQUE_BIASES + j, first + k] + 2.0 * friction * P[friction_factors(n) + j, first + k]
             torque_variance[j] += r[regressor_of(n, k) + j] * (other + residual_mass_covariance[j, k])
@@ -292,7 +344,7 @@ def _add_mass_covariance(bias_filter: BiasFilter, n: int) -> None:
                 total += (
                     r[of_base + a] * residual_mass_covariance[n + b, k] - P[a, first + k] * r[of_base + b]
                 )
-            base_covariance[a, b] += total
+            base_covariance[a, b] += total + square * of_square[n + a] * of_square[n + b]
             base_covariance[b, a] = base_covariance[a, b]
 
 
@@ -317,6 +369,11 @@ def mass_covariance(bias_filter: BiasFilter, first_body: int, covariance: np.nda
                 with_mass += P[first + k, first + i] * r[regressor_of(n, i) + n + b]
             for a in range(6):
                 covariance[a, b] += r[one + a] * with_mass
+    # Every link sensor carries the payload.
+    square, of_square = square_variance(bias_filter), bias_filter.height_regressor.residual
+    for a in range(6):
+        for b in range(6):
+            covariance[a, b] += square * of_square[n + a] * of_square[n + b]
 
 
 @inlined_kernel

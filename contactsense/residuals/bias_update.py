@@ -13,6 +13,7 @@ from contactsense.residuals.bias_filter import (
     friction_factors,
     masses,
     regressor_of,
+    square_variance,
 )
 from contactsense.robots.jit.kernel import kernel
 
@@ -35,7 +36,8 @@ def update_by_torque(bias_filter: BiasFilter, j: int, residual: float, variance:
     row[friction_factors(n) + j] = bias_filter.friction_regressor[j]
     for k in range(estimated_columns(bias_filter)):
         row[masses(n) + k] = bias_filter.mass_regressor.residual[regressor_of(n, k) + j]
-    _update(bias_filter, residual, variance)
+    of_square = bias_filter.height_regressor.residual[j]
+    _update(bias_filter, residual, variance + square_variance(bias_filter) * of_square * of_square)
 
 
 @kernel
@@ -56,7 +58,13 @@ def update_by_wrench(
         bias_filter.measurement_row,
         bias_filter.combination,
     )
-    decorrelate(_BASE_ORIGIN, _NO_NOISE, covariance, combination, bias_filter.combination_variance)
+    square, of_square = square_variance(bias_filter) / factor, bias_filter.height_regressor.residual
+    for a in range(6):
+        for b in range(6):
+            bias_filter.wrench_noise[a, b] = covariance[a, b] + square * of_square[n + a] * of_square[n + b]
+    decorrelate(
+        _BASE_ORIGIN, _NO_NOISE, bias_filter.wrench_noise, combination, bias_filter.combination_variance
+    )
     for c in range(6):
         row[:] = 0.0
         for i in range(6):

@@ -2,7 +2,8 @@
 
 Mass and horizontal place of a payload follow from the mean wrench of its weight, with the errors of that mean
 and of all that the filter estimates. Its height does not: at rest the weight pulls anywhere along its line.
-It is found when the last link tilts. Payload and last link are one body with one mass and one centre of mass.
+It is found when the last link tilts or turns fast. Payload and last link are one body with one mass and one
+centre of mass.
 """
 
 import numpy as np
@@ -57,6 +58,7 @@ def add_payload_errors(
     bias_filter.bare_covariance[:] = transfer @ P[last]
     P[:] = transfer @ P @ transfer.T
     P[np.ix_(estimates, estimates)] += of_wrench @ noise @ of_wrench.T
+    bias_filter.height_axis[:] = rotation.T @ down
     height = HEIGHT_STD * rotation.T @ down
     P[place : place + 3, place : place + 3] += np.outer(height, height)
     bias_filter.payload_place[:], bias_filter.gravity[:] = payload.com, gravity
@@ -99,5 +101,5 @@ def _rows_of_base_wrench(bias_filter: BiasFilter) -> np.ndarray:
 
 
 def _restart_regressor(bias_filter: BiasFilter) -> None:
-    for array in bias_filter.mass_regressor:
+    for array in (*bias_filter.mass_regressor, *bias_filter.height_regressor):
         np.asarray(array).fill(0)

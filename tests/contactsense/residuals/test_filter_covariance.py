@@ -18,6 +18,7 @@ from contactsense.residuals.bias_filter import (
 )
 from contactsense.residuals.bias_update import update_by_torque, update_by_wrench
 from contactsense.residuals.joint_friction import JointTorqueModel, joint_torque_model
+from contactsense.residuals.momentum_observer import advance_all, empty_observer, start_step
 from contactsense.residuals.payload_error import add_payload_errors, remove_payload_errors
 from contactsense.robots import Inertia
 from contactsense.robots.jit.flat_buffers import zeros
@@ -40,11 +41,17 @@ def torque_model() -> JointTorqueModel:
     return joint_torque_model(JointTorqueSensor(friction=Friction(coulomb=3.0, error=0.2)), N)
 
 
-def in_motion(seed: int = 0) -> Filter:
+AXIS = np.array([0.6, 0.0, 0.8])
+"""Along which the place of the payload is not known."""
+PLACE = np.array([0.02, -0.03, 0.1])
+
+
+def in_motion(seed: int = 0, axis: np.ndarray | None = None) -> Filter:
     """A filter after some samples of a swinging arm with a payload, all of whose estimates are correlated."""
     drive, motion, state = torque_model(), empty_motion(N), zeros(BiasFilter, joints=N)
     restart(state, 0.05, np.array([0.0, 0.0, -30.0, 1.0, 2.0, 0.0]), drive.friction_error)
-    state.status[0].payload_mass, state.payload_place[:], state.gravity[:] = 1.5, (0.02, -0.03, 0.1), GRAVITY
+    state.status[0].payload_mass, state.payload_place[:], state.gravity[:] = 1.5, PLACE, GRAVITY
+    state.height_axis[:] = 0.0 if axis is None else axis
     chance = np.random.default_rng(seed)
     for i in range(60):
         if i == 59:
@@ -76,6 +83,44 @@ def test_what_remains_uncertain_is_added_to_the_residuals() -> None:
     covariance = rows @ state.covariance @ rows.T
     np.testing.assert_allclose(state.torque_variance, np.diag(covariance)[:N], rtol=1e-10)
     np.testing.assert_allclose(state.base_covariance, covariance[N:, N:], rtol=1e-10, atol=1e-12)
+
+
+def of_square() -> np.ndarray:
+    """What the square of an error along `AXIS` adds to the residuals of `in_motion`, by what places on both
+    sides of the payload's do, shape (N + 6,)."""
+    observer, motion = empty_observer(N + 6), empty_motion(N)
+    for i in range(60):
+        q, qd = np.sin(0.02 * i + np.arange(6.0)), np.cos(0.02 * i + np.arange(6.0))
+        kinematics_and_momenta(MODEL, q, qd, GRAVITY, motion)
+        momentum = np.zeros(6)
+        for side, weight in ((-1.0, 0.5), (0.0, -1.0), (1.0, 0.5)):
+            point = motion.origin[N] + motion.rotation[N] @ (PLACE + side * AXIS)
+            p = 1.5 * (motion.twist[N, :3] + np.cross(motion.twist[N, 3:], point))
+            momentum += weight * np.concatenate((p, np.cross(point, p)))
+        drift = np.append(motion.screw_rate @ momentum, np.zeros(6))
+        step = start_step(observer, DT if i else 0.0, BANDWIDTH)
+        advance_all(observer, np.append(motion.screw @ momentum, momentum), drift, step)
+    return np.array(observer.residual)
+
+
+def variance_of_square(state: BiasFilter) -> float:
+    """Of the square of a normal error, about zero."""
+    return 3.0 * float(AXIS @ state.covariance[-3:, -3:] @ AXIS) ** 2
+
+
+def test_a_height_that_is_not_known_has_a_square_in_the_residuals() -> None:
+    state, square = in_motion(axis=AXIS).state, of_square()
+    np.testing.assert_allclose(state.height_regressor.residual, square, rtol=1e-9, atol=1e-12)
+    # The covariance of the last sample, and that of a link sensor.
+    rows, variance = phi(state), variance_of_square(state)
+    covariance = rows @ state.covariance @ rows.T + variance * np.outer(square, square)
+    assert (np.diag(covariance)[N + 3 :] > np.diag(rows @ state.covariance @ rows.T)[N + 3 :]).all()
+    np.testing.assert_allclose(state.torque_variance, np.diag(covariance)[:N], rtol=1e-10)
+    np.testing.assert_allclose(state.base_covariance, covariance[N:, N:], rtol=1e-10, atol=1e-12)
+    carried, P, found = rows[N:, 18:], state.covariance[18:, 18:], np.full((6, 6), np.nan)
+    mass_covariance(state, 1, found)
+    of_payload = variance * np.outer(square[N:], square[N:])
+    np.testing.assert_allclose(found, carried @ P @ carried.T + of_payload, rtol=1e-10, atol=1e-12)
 
 
 @pytest.mark.parametrize("first_body", [1, 4])
@@ -145,6 +190,21 @@ def test_a_payload_that_is_put_down_at_once_leaves_all_as_it_was(error: float) -
     assert np.trace(state.covariance) > np.trace(before)
     remove_payload_errors(state, before[last, last], error > 0.0)
     np.testing.assert_allclose(state.covariance, before, rtol=1e-12)
+
+
+def test_updates_count_the_square_of_an_error_of_the_height_as_noise() -> None:
+    state, square = in_motion(axis=AXIS).state, of_square()
+    state.covariance[:] *= 30.0
+    rows, P, noise = phi(state), state.covariance.copy(), np.diag([0.2, 0.2, 0.2, 0.01, 0.01, 0.01])
+    variance = variance_of_square(state)
+    R = 1.5 * noise + variance * np.outer(square[N:], square[N:])
+    gain = np.linalg.solve(rows[N:] @ P @ rows[N:].T + R, rows[N:] @ P).T
+    update_by_wrench(state, np.ones(6), noise, 1.5)
+    np.testing.assert_allclose(state.correction, -gain @ np.ones(6), rtol=1e-7)
+    state.correction[:], state.covariance[:] = 0.0, P
+    gain = P @ rows[1] / (rows[1] @ P @ rows[1] + 0.3 + variance * square[1] ** 2)
+    update_by_torque(state, 1, 2.0, 0.3)
+    np.testing.assert_allclose(state.correction, -2.0 * gain, rtol=1e-9)
 
 
 def test_friction_above_that_of_the_scene() -> None:

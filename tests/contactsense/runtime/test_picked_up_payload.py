@@ -143,6 +143,34 @@ def test_a_payload_is_known_as_well_as_stated(localizer: Localizer) -> None:
     assert squared.max() < chi2.isf(0.001, 4 * draws)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("height", [-0.2, 0.2])
+def test_a_payload_far_from_the_flange_is_no_contact_when_the_wrist_jerks(
+    localizer: Localizer, height: float
+) -> None:
+    """Its moment of inertia is quadratic in its height, which is not known until it moves."""
+    motion = empty_motion(6)
+    kinematics_and_momenta(build_model(ARM), POSTURE, np.zeros(6), np.zeros(3), motion)
+    place = motion.rotation[-1].T @ np.array([0.02, -0.02, height])
+    bare, heavy = build_model(ARM), _loaded(ARM.flange_rotation.T @ place)
+    wrist = np.array([0.0, 0.0, 0.0, 0.0, 1.0, 0.0])
+    for seed in range(12):
+        chance = np.random.default_rng(seed)
+        begins = 2.2 + DT * chance.uniform()
+        localizer.reset()
+        found = []
+        for t in np.arange(0.0, 3.4, DT):
+            # The acceleration jumps to one side, to the other, and back.
+            since = np.maximum(t - begins - np.array([0.0, 0.25, 0.75, 1.0]), 0.0)
+            jumps = 6.0 * np.array([1.0, -2.0, 2.0, -1.0])
+            angle, rate, change = jumps @ since**2 / 2.0, jumps @ since, jumps @ (since > 0.0)
+            moved = POSTURE + angle * wrist, rate * wrist, change * wrist
+            estimate = localizer.step(_sample(t, heavy if t > 0.5 else bare, moved, chance))
+            found += [(event.kind, t) for event in estimate.events]
+        assert [kind for kind, t in found if kind == "weight" and t < begins] == ["weight"]
+        assert not [t for kind, t in found if kind == "onset" and t > begins]
+
+
 def test_the_last_link_is_as_uncertain_as_before_once_the_payload_is_put_down(localizer: Localizer) -> None:
     """What is known of link and payload together says little of the link."""
     plain = Localizer(localizer.scene.model_copy(update={"inertia_error": 0.05}))
