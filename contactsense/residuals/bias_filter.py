@@ -278,14 +278,12 @@ def _advance_height_regressor(
 
 @kernel
 def square_variance(bias_filter: BiasFilter) -> float:
-    """Mean of the fourth power of the error along `height_axis`: thrice the square of its variance [m^4]."""
+    """Mean square of the squared error along `height_axis`: thrice the square of its variance [m^4]; 0
+    without a payload."""
     if bias_filter.status[0].payload_mass <= 0.0:
         return 0.0
-    P, d, place = (
-        bias_filter.covariance,
-        bias_filter.height_axis,
-        payload_place(bias_filter.torque_variance.shape[0]),
-    )
+    P, d = bias_filter.covariance, bias_filter.height_axis
+    place = payload_place(bias_filter.torque_variance.shape[0])
     variance = 0.0
     for i in range(3):
         for k in range(3):

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.csv as pa_csv
 
 from contactsense.service.recordings.problems import Problem, RecordingError
@@ -241,9 +240,7 @@ class CsvTable:
 
     def _parsed(self, batch: pa.RecordBatch, names: list[str], first: int) -> Columns:
         cells: dict[str, list[str | None]] = {name: batch.column(name).to_pylist() for name in names}
-        columns = {
-            name: np.array(list(map(_number, self._with_points(batch.column(name))))) for name in names
-        }
+        columns = {name: np.array([self._number(cell) for cell in cells[name]]) for name in names}
         bad = {name: _words(cells[name], columns[name]) for name in names}
         rows = set[int].intersection(*bad.values())  # such as units below the header
         for begin, end in _runs(rows):
@@ -257,12 +254,9 @@ class CsvTable:
                 self._report(first + begin, first + end, message)
         return columns
 
-    def _with_points(self, column: pa.Array) -> list[str | None]:
-        """The cells of a column with decimal points."""
-        if self._decimal_commas:
-            column = pc.replace_substring(column, ",", ".")
-        cells: list[str | None] = column.to_pylist()
-        return cells
+    def _number(self, cell: str | None) -> float:
+        """`_number` of a cell with the decimal mark of the file."""
+        return _number(cell.replace(",", ".") if cell and self._decimal_commas else cell)
 
     def _report(self, row_from: int, row_to: int, message: str) -> None:
         self.problems.append(Problem(row_from, row_to, "bad_row", message))
